@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
-from jaxtyping import Float
+import numpy.typing as npt
+from jaxtyping import Bool, Float
 
 from ddf.api import meshes, queries
 from ddf.core import checks, extras, shipped_models
@@ -84,6 +85,19 @@ class Field(queries.Queried):
             from ddf.fit import surfaces
         found = stored_fields.points(self._weights, checks.require_whole("n", n, 1), seed)
         return (found, surfaces.normals_at(self.framed, found)) if normals else found
+
+    def seen(self, positions: npt.ArrayLike, directions: npt.ArrayLike) -> Bool[np.ndarray, "n"]:
+        """Of a field that was fitted to rays: whether these saw all the way up to its answer, and what it meets.
+
+        Args:
+          positions, directions: as of `query`.
+        Raises:
+          ValueError: a wrong shape, or the field was not fitted to rays.
+        """
+        asked, own = queries.require_oriented_points(positions, directions), getattr(self._weights, "seen", None)
+        if own is None:
+            raise checks.InputError("the field was not fitted to rays, so that all of it is known")
+        return own(asked.positions, asked.directions)
 
     def save(self, folder: str | Path) -> Path:
         """Write the field into a folder, which `ddf.load` and every command take. Needs torch.
@@ -193,14 +207,15 @@ def load(path_or_name: str | Path) -> Field:
 
 
 def fit(
-    mesh: Any,
+    mesh: Any = None,
     minutes: int | float | None = None,
     steps: int | None = None,
     out: str | Path | None = None,
     kind: Literal["patches", "sine"] | None = None,
     tolerance: float | None = None,
+    rays: Any = None,
 ) -> Field:
-    """Fit a field to a mesh, as `ddf fit` does. Needs torch and Open3D.
+    """Fit a field to a mesh, or to what a sensor saw, as `ddf fit` does. Needs torch and Open3D.
 
     Args:
       mesh: what `read_mesh` gives, a path, or anything with `vertices` (n, 3) and `faces` (m, 3).
@@ -209,7 +224,10 @@ def fit(
       minutes: of sine: wall time of sampling and training, which the schedule follows; 2 if nothing is said.
       steps: of sine: number of steps instead, the reproducible way.
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
-      tolerance: of patches: largest distance from the mesh, of half its longest side; 3e-4 if nothing is said.
+      tolerance: of patches: largest distance from the mesh, of half its longest side; 3e-4 if nothing is said, more of
+        noisy rays.
+      rays: in place of a mesh: a scan, such as `depth_camera` gives, or a path as of `ddf fit`. `Field.seen` says what
+        they saw.
     Returns:
       The field, in the frame and the unit of the mesh; its `path` is `out`.
     Raises:
@@ -234,18 +252,26 @@ def fit(
     with extras.named():
         from ddf.fields.grid import octree
         from ddf.fit import fit_settings, fitting, patch_fitting
+        from ddf.geometry import posed_depth, scans
+    if (mesh is None) == (rays is None):
+        raise checks.InputError("a field is fitted to a mesh or to rays")
+    if rays is not None and network:
+        raise checks.InputError("rays are fitted by patches; the network is fitted to meshes")
     settings = fit_settings.FitConfig()
     if minutes is not None:
         settings = dataclasses.replace(settings, minutes=float(minutes))
     if steps is not None:
         settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
-    given = meshes.as_mesh(mesh)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        if network:
-            fitting.fit(given, settings, Path(folder))
+        if rays is not None:
+            sensed = None if isinstance(rays, scans.Scan) else posed_depth.read(Path(rays))
+            scan, open_ = (rays, False) if sensed is None else (sensed.scan, not sensed.sensed)
+            patch_fitting.fit_rays(scan, tolerance, Path(folder), sensed=not open_)
+        elif network:
+            fitting.fit(meshes.as_mesh(mesh), settings, Path(folder))
         else:
             config = octree.PatchConfig() if tolerance is None else octree.PatchConfig(float(tolerance))
-            patch_fitting.fit(given, config, Path(folder))
+            patch_fitting.fit(meshes.as_mesh(mesh), config, Path(folder))
         shape = _torch_field(Path(folder))
     return Field(shape, lambda: shape, None if out is None else Path(out))
 

@@ -2,12 +2,13 @@
 
 import dataclasses
 import os
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ddf.cli import arguments, image_files, results
-from ddf.cli.arguments import FieldPath, MeshPath, Outputs, Points, Rays, Seed
+from ddf.cli.arguments import FieldPath, Outputs, Points, Rays, Seed
 from ddf.cli.declare import Arg, command
 from ddf.fields import field_outputs
 
@@ -20,7 +21,7 @@ ONNX = "field.onnx"  # of a folder, beside its weights
 
 @command("field", api="field:fit")
 def fit(
-    mesh: MeshPath,
+    mesh: Annotated[Path, Arg("SOURCE")],
     out: arguments.OutFolder,
     *,
     config: Annotated[str | None, Arg("C")] = None,
@@ -32,7 +33,11 @@ def fit(
     threads: Annotated[int | None, Arg("N", parse=arguments.whole_number(1))] = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Fit a field to one mesh, with held-out errors and a picture of it beside the mesh.
+    """Fit a field to a mesh, with held-out errors and a picture of it beside the mesh, or to what a sensor saw.
+
+    Posed depth images are a folder as TUM RGB-D, nerfstudio (`transforms.json`) and Redwood (`depth/`, a trajectory
+    .log) write it, or of scans as `ddf complete` reads them. A scan alone will do, and so will clouds: KITTI .bin, PCD,
+    PLY with normals. What no ray saw is told by `Field.seen`.
 
     | `--kind` | the field | needs |
     | --- | --- | --- |
@@ -40,7 +45,7 @@ def fit(
     | `sine` | the paper's network | `--minutes` or `--steps`, which imply it; an interrupted fit goes on |
 
     Args:
-      mesh: mesh file; fitted as it is, inner sheets included.
+      mesh: mesh file, fitted as it is, inner sheets included; or rays.
       out: gets model.safetensors, log.csv, fit.json, fit.png; an interrupted or longer fit goes on there.
       config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
       seed: of sine: of samples, initial weights and batches.
@@ -52,11 +57,12 @@ def fit(
       ddf fit shape.obj my_field
       ddf fit shape.obj my_field --minutes 2
       ddf fit shape.obj my_field --steps 2000 --seed 1
+      ddf fit rgbd_dataset_freiburg1_xyz my_room
     """
     from ddf.core import checks, storage
     from ddf.core import config as config_files
     from ddf.fit import fit_settings, fitting, patch_fitting
-    from ddf.geometry import mesh_io
+    from ddf.geometry import mesh_io, posed_depth
 
     options = {"config": config, "minutes": minutes, "steps": steps, "seed": seed, "threads": threads}
     of_sine = [name for name, value in options.items() if value is not None]
@@ -64,6 +70,10 @@ def fit(
         raise checks.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
     if (kind == "sine" or of_sine) and tolerance is not None:
         raise checks.InputError("--tolerance is of --kind patches")
+    if posed_depth.is_rays(mesh):
+        if kind == "sine" or of_sine:
+            raise checks.InputError("rays are fitted by patches; the network is fitted to meshes")
+        return _of_rays(mesh, out, tolerance, force)
     if kind != "sine" and not of_sine:
         from ddf.fields.grid import octree
 
@@ -88,6 +98,37 @@ def fit(
     few = f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes"
     few = few if result["steps"] < fitting.FEW_STEPS else ""
     return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", f"{spent}{few}")
+
+
+def _of_rays(source: Path, out: Path, tolerance: float | None, force: bool) -> dict[str, Any]:
+    """Patches of what a sensor saw; what was understood of it is told before."""
+    from ddf.core import storage
+    from ddf.fit import patch_fitting
+    from ddf.geometry import posed_depth
+
+    def tell(line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+
+    found = posed_depth.read(source)
+    tell(found.told)
+    sources = {source.name: storage.checksum(source)}
+    result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force, tell=tell)
+    already, errors = result.pop("already"), result["held_out"]
+    spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
+    return {
+        **result,
+        "understood": found.told,
+        "left_out": list(found.scan.remarks),
+        "out": out.as_posix(),
+        "table": {
+            "held-out rays": errors["rays"],
+            "median |depth - range|": errors["depth_median"],
+            "wrong": f"{errors['wrong']:.2%}",
+            "noise": result["noise"],
+            "space seen": f"{result['seen']:.0%}",
+        },
+        "verdict": f"field in {out}{', made before' if already else ''}: {result['seconds']:.1f} s, {spent}",
+    }
 
 
 def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already: str, after: str) -> dict[str, Any]:

@@ -1,17 +1,27 @@
-"""Patches of one mesh (`fields.grid`), with held-out errors: nothing is trained, it takes seconds."""
+"""Patches (`fields.grid`) of a mesh or of measured rays, with held-out errors: nothing is trained, it takes seconds."""
 
 import hashlib
+import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Bool
+
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
-from ddf.fields import model_files
+from ddf.fields import framed_field, model_files
 from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_settings, fitting, shape_samples
-from ddf.geometry import mesh_io
+from ddf.geometry import fused_rays, mesh_io, rays, scans
+
+LOGGER = logging.getLogger(__name__)
+HELD_OUT, MOST_HELD_OUT = 0.02, 50_000  # of the rays: for the errors
+OF_NOISE = 0.05  # of the noise of rays: the tolerance of patches, where it is more than theirs
+OFF, SIGMAS = 0.01, 3.0  # of the longest side, and deviations of the noise: from which on the depth of a ray is wrong
+_Made = tuple[tuple[dict[str, np.ndarray], dict[str, Any]], Callable[[patch_field.PatchField], dict[str, Any]]]
 
 
 def patches(raw: mesh_io.Mesh, config: octree.PatchConfig) -> patch_field.PatchField:
@@ -43,22 +53,109 @@ def fit(
       InputError: the mesh has no triangle with an area, another fit is at work in the folder, or it holds the field of
         another mesh.
     """
+
+    def make() -> _Made:
+        mesh, own_from_mesh = fitting.in_cube(raw)
+
+        def errors(field: patch_field.PatchField) -> dict[str, Any]:
+            asked = fit_settings.FitConfig()
+            truth, _ = shape_samples.draw_samples(mesh, asked, sample_types.each(asked.held_out), "held_out")
+            return {"held_out": fitting.held_out_errors(field, truth)}
+
+        return patch_field.fitted(mesh, own_from_mesh, config), errors
+
+    return _written([config], (raw.vertices, raw.faces), out_dir, source, force, make)
+
+
+def fit_rays(
+    scan: scans.Scan,
+    tolerance: float | None,
+    out_dir: Path,
+    source: Mapping[str, str] | None = None,
+    *,
+    sensed: bool = True,
+    force: bool = False,
+    tell: Callable[[str], object] = LOGGER.info,
+) -> dict[str, Any]:
+    """As `fit`, of the surface that rays have in common, `fused_rays.fuse`; what they saw is told by `PatchField.seen`.
+
+    Args:
+      tolerance: of patches, of half the longest side; None: `OF_NOISE` of the noise, or that of meshes if it is more.
+      sensed: whether the rays tell what is free, and not only where the surface is. tell: given what the rays tell.
+    Returns:
+      As `fit`; held_out is of `HELD_OUT` of the rays, which the field is not fitted to: `ray_errors`. And noise:
+      deviation of hits across the surface; seen: share of the box that rays passed through; both in fit.json.
+    Raises:
+      InputError: too few rays ended on something, another fit is at work in the folder, or it holds another field.
+    """
+
+    def make() -> _Made:
+        random = np.random.default_rng(0)
+        kept = random.random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
+        fused = fused_rays.fuse(_some(scan, kept), sensed)
+        mesh, own_from_mesh = fitting.in_cube(fused.mesh)
+        seen, size = float(fused.passed.mean()), 2 / own_from_mesh.scale
+        tell(
+            f"cells of {fused.cell:.3g}, hits {fused.noise:.2g} off the surface (deviation); rays passed "
+            f"{seen:.0%} of the space around"
+        )
+        least = max(octree.PatchConfig().tolerance, OF_NOISE * fused.noise * own_from_mesh.scale)
+        config = octree.PatchConfig(least if tolerance is None else tolerance)
+
+        def errors(field: patch_field.PatchField) -> dict[str, Any]:
+            off = OFF * size + SIGMAS * fused.noise
+            return {"held_out": ray_errors(field, _some(scan, ~kept), off), "noise": fused.noise, "seen": seen}
+
+        return patch_field.fitted(mesh, own_from_mesh, config, fused.evidence), errors
+
+    told = (scan.positions, scan.directions, scan.ranges)
+    return _written(["rays", tolerance, sensed], told, out_dir, source, force, make)
+
+
+def _some(scan: scans.Scan, kept: Bool[np.ndarray, "n"]) -> scans.Scan:
+    return scans.Scan(scan.positions[kept], scan.directions[kept], scan.ranges[kept])
+
+
+def ray_errors(field: framed_field.FramedField, scan: scans.Scan, off: float) -> dict[str, float]:
+    """How a field answers measured rays, in their unit; NaN of nothing.
+
+    Returns:
+      depth_median: of |depth - range| where both meet something. wrong: share of rays whose visibility is wrong, or
+      whose depth is off by more than `off`. rays: how many.
+    """
+    asked = rays.OrientedPoints(scan.positions, scan.directions)
+    depth = framed_field.query(field, asked, ("depth",))[0]["depth"]
+    both = np.isfinite(depth) & scan.hit
+    error = np.abs(depth[both] - scan.ranges[both])
+    wrong = np.isfinite(depth) != scan.hit
+    wrong[both] = error > off
+    known = len(wrong) > 0
+    median = float(np.median(error)) if len(error) else np.nan
+    return {"depth_median": median, "wrong": float(wrong.mean()) if known else np.nan, "rays": len(wrong)}
+
+
+def _written(
+    facts: list[Any],
+    content: tuple[np.ndarray, ...],
+    out_dir: Path,
+    source: Mapping[str, str] | None,
+    force: bool,
+    make: Callable[[], _Made],
+) -> dict[str, Any]:
+    """The folder of a fit, as of `fit`; make: its arrays, its record, and how its errors are told."""
     with fitting.owned(out_dir):
         started = time.monotonic()
-        content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-        identity = provenance.fingerprint([config, content], (), "ddf.fit.patch_fitting")
-        plan = fitting.plan_of(content, identity, out_dir, force)
+        told = hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in content)).hexdigest()
+        identity = provenance.fingerprint([*facts, told], (), "ddf.fit.patch_fitting")
+        plan = fitting.plan_of(told, identity, out_dir, force)
         if not force and (earlier := fitting.finished(out_dir, identity)) is not None:
             return {**earlier, "already": True}
-        mesh, own_from_mesh = fitting.in_cube(raw)
-        arrays, description = patch_field.fitted(mesh, own_from_mesh, config)
+        (arrays, description), errors = make()
         seconds = time.monotonic() - started
         field = patch_field.of(arrays, description)
         record = {"fingerprint": identity, "seed": 0, "sources": dict(source or {}), **description}
-        asked = fit_settings.FitConfig()
-        truth, _ = shape_samples.draw_samples(mesh, asked, sample_types.each(asked.held_out), "held_out")
         result = {
-            "held_out": fitting.held_out_errors(field, truth),
+            **errors(field),
             "seconds": seconds,
             "parameters": sum(values.size for values in arrays.values()),
             "steps": 0,
@@ -66,7 +163,7 @@ def fit(
             "bytes": sum(values.nbytes for values in arrays.values()),
             "box": description["box"],
         }
-        for stale in ("field.onnx", "log.csv"):
+        for stale in ("field.onnx", "log.csv", "fit.png"):
             (out_dir / stale).unlink(missing_ok=True)
         storage.write_json(out_dir / fitting.PLAN, dict(plan))
         storage.save_tensors(out_dir / model_files.MODEL, arrays, record)

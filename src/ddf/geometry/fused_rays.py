@@ -29,6 +29,8 @@ _NEAR = 2.0  # cells: how far off f is known
 _BESIDE = 1.1  # widths: a node so far beside the hits that its planes are of is not on the surface, if rays passed it
 _CLOSED = 4  # cells around hits in which what is open is closed
 _STRAY_CELLS, _STRAY = 64, 3  # along the longest side; hits fewer than this in 27 cells are strays
+_FEW = 0.2  # of the median number of rays through a node
+_SPECK = 0.01  # of the largest free space
 _MOST_CARVING = 600_000  # rays
 _GRAZING = 0.7  # deviation across the surface over that along the rays, about
 
@@ -60,9 +62,11 @@ class Fused:
         return passed >= 27 / 2, ended > 0
 
 
-def fuse(scan: scans.Scan) -> Fused:
+def fuse(scan: scans.Scan, sensed: bool = True) -> Fused:
     """The surface of a scan.
 
+    Args:
+      sensed: whether rays tell what is free; else they tell the surface alone, of which nothing is closed.
     Raises:
       InputError: too few rays ended on something, or what they ended on has no surface.
     """
@@ -75,12 +79,15 @@ def fuse(scan: scans.Scan) -> Fused:
     cell, origin, shape = planes.cell, planes.origin, planes.shape
     normals = planes.normals * np.where((planes.normals * ways).sum(axis=1, keepdims=True) > 0, -1.0, 1.0)
     values, weight = _mean_distance(planes, normals)
-    passed = _passed(scan, planes)
+    passed = _passed(scan, planes) & sensed
     near = (weight > _LEAST * np.median(weight[weight > _LEAST])) & (np.abs(values) < _NEAR)
     ended = near & ~(passed & (planes.beside > _BESIDE) & (values < 0))
-    passed = ndimage.maximum_filter(passed, 3)
+    ahead, behind = ended & (values > 0), ended & (values < 0)
+    wide = ndimage.maximum_filter(passed, 3) & ~ndimage.maximum_filter(behind, 3)
+    passed = _connected(passed | ahead | wide)
+    passed, ended = (passed, ended & (behind | passed)) if sensed else (ahead, ended)
+    told = ndimage.maximum_filter(ended, 2 * _CLOSED + 1) if sensed else ended
     values = np.where(ended, values, np.where(passed, 1.0, -1.0))
-    told = ndimage.maximum_filter(ended, 2 * _CLOSED + 1)
     places, quads = carved_surface.crossings(values, told)
     if not len(places):
         raise checks.InputError("the rays end on no surface: too few of them, or of another frame than they say")
@@ -164,13 +171,23 @@ def _mean_distance(
     return (along - offset) / np.maximum(weight, 1e-9), weight
 
 
+def _connected(passed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
+    """Without the specks that single rays with too long ranges make."""
+    labels, _ = ndimage.label(passed)
+    counts = np.bincount(labels.ravel())
+    counts[0] = 0
+    return (counts >= _SPECK * counts.max())[labels]
+
+
 def _passed(scan: scans.Scan, planes: _Planes) -> Bool[np.ndarray, "x y z"]:
-    """Nodes that rays passed through, which end a little before their hits."""
+    """Nodes that rays passed through, which end a little before their hits; more than a few, where others have many:
+    ranges can be wrong.
+    """
     chosen = slice(None)
     if len(scan.ranges) > _MOST_CARVING:
         chosen = np.random.default_rng(0).permutation(len(scan.ranges))[:_MOST_CARVING]
     starts = (scan.positions[chosen] - planes.origin) / planes.cell
     before = 1.5 + 3 * planes.noise / _GRAZING / planes.cell
-    passed = np.zeros(planes.shape, np.bool_)
-    grid_loops.carve(starts, scan.directions[chosen], scan.ranges[chosen] / planes.cell - before, passed)
-    return passed
+    counts = np.zeros(planes.shape, np.int32)
+    grid_loops.carve(starts, scan.directions[chosen], scan.ranges[chosen] / planes.cell - before, counts)
+    return counts >= max(1.0, _FEW * float(np.median(counts[counts > 0])) if counts.any() else 1.0)

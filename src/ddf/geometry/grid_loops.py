@@ -27,7 +27,7 @@ def splat(places, values, sums):
 
 @compiled
 def carve(starts, ways, ends, passed):
-    """Mark the nodes nearest to points of rays, one a cell's side, up to their ends."""
+    """Count the nodes nearest to points of rays, one a cell's side, up to their ends."""
     for ray in range(len(starts)):
         first, last = 0.0, ends[ray]
         for axis in range(3):
@@ -42,5 +42,5 @@ def carve(starts, ways, ends, passed):
             j = int(starts[ray, 1] + t * ways[ray, 1] + 0.5)
             k = int(starts[ray, 2] + t * ways[ray, 2] + 0.5)
             if 0 <= i < passed.shape[0] and 0 <= j < passed.shape[1] and 0 <= k < passed.shape[2]:
-                passed[i, j, k] = True
+                passed[i, j, k] += 1
             t += 1.0

@@ -312,7 +312,12 @@ def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:
       FileNotFoundError: no such file.
       InputError: not a PLY whose vertices can be read whole, no vertices, or one that is not finite; the file is named.
     """
-    return _read(Path(path), "PLY cloud", ply.points)
+    return read_oriented(path)[0]
+
+
+def read_oriented(path: Path | str) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"] | None]:
+    """As `read_points`, and the normals as they stand in the file, None where it has none."""
+    return _read(Path(path), "PLY cloud", ply.oriented)
 
 
 def has_faces(path: Path | str) -> bool:

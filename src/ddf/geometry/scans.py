@@ -272,7 +272,7 @@ def read(path: Path) -> Scan:
 
 def _of_png(path: Path) -> Scan:
     """Of a depth image and the JSON beside it."""
-    (steps, own), about = _grey(path), path.with_suffix(".json")
+    (steps, own), about = grey(path), path.with_suffix(".json")
     if not about.exists():
         raise checks.InputError(f"{path}: needs {about.name} beside it, with the camera's intrinsics")
     said = storage.read_json(about)
@@ -295,8 +295,12 @@ def _of_png(path: Path) -> Scan:
         raise checks.InputError(f"{about}: {error}") from error
 
 
-def _grey(path: Path) -> tuple[Num[np.ndarray, "h w"], float | None]:
-    """The steps of a PNG of 16 bits, and the size of one, where the file says it."""
+def grey(path: Path) -> tuple[Num[np.ndarray, "h w"], float | None]:
+    """The steps of a PNG of 16 bits, and the size of one, where the file says it.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is no such PNG; it is named.
+    """
     from PIL import Image  # not where scans of NPZ files are read
 
     checks.require_content(path)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from _shapes import cube, icosphere
+from _sphere_scan import RADIUS, sphere_scan
 from PIL import Image
 
 import ddf
@@ -14,7 +15,7 @@ from ddf.core import checks, storage
 from ddf.fields import shape_field, stored_fields
 from ddf.fields.grid import octree, patch_field
 from ddf.fit import patch_fitting
-from ddf.geometry import mesh_io
+from ddf.geometry import mesh_io, scans
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +130,50 @@ def test_the_command_fits_patches_unless_training_is_asked_for(tmp_path, capsys)
     with pytest.raises(ValueError, match="patches take neither minutes nor steps"):
         ddf.fit(mesh, steps=2, kind="patches")
     assert ddf.fit(mesh).outputs == patch_field.OUTPUTS
+
+
+@pytest.fixture(scope="module")
+def of_rays(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rays")
+    scans.write(sphere_scan(24, 0.01), folder / "scan.npz")
+    assert cli.main(["fit", str(folder / "scan.npz"), str(folder / "field")]) == 0
+    return folder, json.loads((folder / "field/fit.json").read_text())
+
+
+def test_rays_become_patches_within_their_noise(of_rays):
+    folder, result = of_rays
+    field, random = ddf.load(folder / "field"), np.random.default_rng(0)
+    ways = random.standard_normal((5000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    starts = -1.5 * ways + random.uniform(-0.2, 0.2, (5000, 3))
+    across = np.linalg.norm(starts - (starts * ways).sum(axis=1, keepdims=True) * ways, axis=1)
+    truth = -(starts * ways).sum(axis=1) - np.sqrt(RADIUS**2 - across**2)
+    depth = field.query(starts, ways)["depth"]
+    assert np.isfinite(depth).all() and np.median(np.abs(depth - truth)) < 0.004 and np.abs(depth - truth).max() < 0.02
+    held_out = result["held_out"]
+    assert held_out["wrong"] < 0.02 and 0.004 < held_out["depth_median"] < 0.01 < 10 * result["noise"]
+
+
+def test_what_no_ray_saw_is_told(of_rays):
+    field = ddf.load(of_rays[0] / "field")
+    ahead = np.array([[0.0, 0, 1]])
+    assert field.seen([[0.0, 0, -1]], ahead).tolist() == [True]
+    assert field.seen([[0.0, 0, 0]], ahead).tolist() == [False]
+    with pytest.raises(ValueError, match="not fitted to rays"):
+        ddf.load("rabbit").seen([[0.0, 0, -1]], ahead)
+
+
+def test_one_view_knows_half(tmp_path):
+    scan = sphere_scan(24)
+    first = scan.positions[:, 0] == scan.positions[0, 0]
+    view = scans.Scan(scan.positions[first], scan.directions[first], scan.ranges[first])
+    field, eye = ddf.fit(rays=view), view.positions[:1]
+    assert field.seen(eye, -eye / np.linalg.norm(eye)).all()
+    assert not field.seen(-eye, eye / np.linalg.norm(eye)).any()
+
+
+def test_rays_refuse_what_is_of_meshes(of_rays, tmp_path, capsys):
+    assert cli.main(["fit", str(of_rays[0] / "scan.npz"), str(tmp_path / "out"), "--steps", "5"]) == 2
+    assert "the network is fitted to meshes" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="to a mesh or to rays"):
+        ddf.fit()

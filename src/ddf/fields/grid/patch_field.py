@@ -61,9 +61,7 @@ class PatchField:
         found = {name: met[:, column] for name, column in _COLUMNS.items() if name in outputs}
         return found | ({"visibility": seen.astype(np.float64)} if "visibility" in outputs else {})
 
-    def seen(
-        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> Bool[np.ndarray, "n"]:
+    def seen(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether the rays that the field was fitted to saw all the way up to the answer, in the mesh's frame.
 
         Raises:

@@ -24,6 +24,7 @@ _FEW = 1 << 20  # rows without any property
 MAX_UNEVEN = 8_000_000  # rows whose lists differ in length: some seconds
 _ROWS = 1 << 18
 _EXACT = 1 << 53  # a larger float64 may stand for several whole numbers
+_NORMAL = ("nx", "ny", "nz")
 _LISTS = ("vertex_indices", "vertex_index")
 _Columns = dict[str, np.ndarray | tuple[np.ndarray, np.ndarray]]
 _Found = dict[str, _Columns]
@@ -85,17 +86,19 @@ def parse(data: bytes) -> raw.Raw:
     return raw.Raw(both.vertices, np.concatenate([mesh.faces, faces]), mesh.remarks)
 
 
-def points(data: bytes) -> Float[np.ndarray, "n 3"]:
-    """Vertices of a PLY cloud or mesh.
+def oriented(data: bytes) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"] | None]:
+    """Vertices of a PLY cloud or mesh, and their normals as they stand there, None where it has none.
 
     Raises:
       InputError: as `parse`; the file has no points, or one that is not finite.
     """
-    vertices = positions(_read(data, {"vertex": ("x", "y", "z")}))
+    found = _read(data, {"vertex": ("x", "y", "z", *_NORMAL)})
+    vertices = positions(found)
     if len(vertices) == 0:
         raise checks.InputError("the cloud has no points")
     checks.require_finite("points", vertices)
-    return vertices
+    own = [raw.widened(np.asarray(found["vertex"][name])) for name in _NORMAL if name in found["vertex"]]
+    return vertices, np.stack(own, axis=1) if len(own) == 3 else None
 
 
 def _read(data: bytes, wanted: Mapping[str, Sequence[str]]) -> _Found:

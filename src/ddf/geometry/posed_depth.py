@@ -1,0 +1,289 @@
+"""Many depth images with their poses in a folder, and clouds of points: what sensors and other programs write, as rays.
+
+A folder holds one of
+- `transforms.json` of nerfstudio: frames with `transform_matrix`, camera to world by OpenGL's axes (Y up, looking along
+  -Z), and `depth_file_path` (PNG of 16 bits, or .npy), times `depth_unit_scale_factor` or `integer_depth_scale`;
+- `depth.txt` and `groundtruth.txt` of TUM RGB-D: images by time, 1/5000 of a metre, poses as t and (x, y, z, w);
+- `depth/*.png` and one `*.log` of Redwood and Open3D: millimetres, 4x4 camera to world after a line that begins with
+  the image's number;
+- or scans that `scans.read` reads, whose poses are their own.
+TUM and Redwood write no intrinsics: those of a JSON file with Open3D's `intrinsic_matrix` in the folder are taken, else
+TUM's own by the folder's name, else PrimeSense's. Their pixels have their centres at whole numbers, ours at halves.
+
+A file is a scan of `scans.read`, or a cloud: KITTI .bin (x, y, z and intensity as float32, the sensor at 0), PCD (from
+its VIEWPOINT) or PLY. A cloud with normals needs no sensor: it is seen from just above each point.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Num
+
+from ddf.core import checks, storage
+from ddf.geometry import mesh_io, scans, transforms
+
+CLOUDS = (".bin", ".pcd", ".ply")
+_MOST = 4_000_000  # rays of a folder: of more, some whole rows and columns
+_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+_TUM_STEP, _MILLIMETRES = 1 / 5000, 0.001
+_APART = 0.02  # seconds between an image and its pose, at most
+_TUM = {  # fx, fy, cx, cy, pixels' centres at whole numbers
+    "freiburg1": (517.3, 516.5, 318.6, 255.3),
+    "freiburg2": (520.9, 521.0, 325.1, 249.7),
+    "freiburg3": (535.4, 539.2, 320.1, 247.6),
+}
+_PRIMESENSE = (525.0, 525.0, 319.5, 239.5)
+_ABOVE = 0.01  # of the longest side: from where a point with a normal is looked at
+_TURNED = 1e-3  # by how much a pose may differ from one of a rigid camera, which files round
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What was read: rays, of what kind of files, how many of them; sensed: whether it is known from where."""
+
+    scan: scans.Scan
+    kind: str
+    frames: int
+    sensed: bool = True
+
+    @property
+    def told(self) -> str:
+        """What was understood of it, one line."""
+        points, rays_ = self.scan.points, len(self.scan.ranges)
+        sides = " x ".join(f"{side:.4g}" for side in np.ptp(points, axis=0)) if len(points) else "nothing"
+        rest = "".join(f"; {each}" for each in self.scan.remarks[:3])
+        return f"{self.kind}: frames {self.frames}, rays {rays_:,}, hits {len(points):,} in a box of {sides}{rest}"
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A depth image to be read: unit of the scan in a step, intrinsics with centres at halves, camera to world."""
+
+    file: Path
+    step: float
+    intrinsics: Float[np.ndarray, "3 3"]
+    pose: Float[np.ndarray, "4 4"]
+    size: tuple[float, float] | None = None  # width and height that the intrinsics are of, where they are told
+
+
+def is_rays(path: Path) -> bool:
+    """Whether a path is of rays and not of a mesh.
+
+    Raises:
+      FileNotFoundError, InputError: as `mesh_io.has_faces`, of a PLY file.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".ply":
+        return not mesh_io.has_faces(path)
+    return path.is_dir() or suffix in (".npz", ".png", ".las", ".laz", *CLOUDS)
+
+
+def read(path: Path) -> Sensed:
+    """The rays of a folder or a file; see the module.
+
+    Raises:
+      FileNotFoundError: there is none. InputError: it holds something else; it is named.
+    """
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return _folder(path)
+    if suffix in (".las", ".laz"):
+        raise checks.InputError(f"{path}: LAS is not read; make an NPZ of points and sensors, or a PLY with normals")
+    if suffix not in CLOUDS:
+        return Sensed(scans.read(path), "a scan", 1)
+    points, normals, sensor = _CLOUDS[suffix](path)
+    kept = np.isfinite(points).all(axis=1)
+    if not kept.any():
+        raise checks.InputError(f"{path}: holds no points")
+    if normals is None:
+        return Sensed(scans.of_points(points[kept], sensor), f"points seen from {sensor.tolist()}", 1)
+    length = np.linalg.norm(normals, axis=1)
+    kept &= length > 0
+    ways = -normals[kept] / length[kept, None]
+    above = _ABOVE * float(np.ptp(points[kept], axis=0).max(initial=0.0))
+    if not above > 0:
+        raise checks.InputError(f"{path}: its points with normals span nothing")
+    scan = scans.Scan(points[kept] - above * ways, ways, np.full(len(ways), above))
+    return Sensed(scan, "points with normals", 1, sensed=False)
+
+
+def _folder(path: Path) -> Sensed:
+    """All images of a folder as one scan."""
+    if (path / "transforms.json").is_file():
+        kind, frames = "nerfstudio's depth images", list(_nerfstudio(path))
+    elif (path / "groundtruth.txt").is_file():
+        kind, frames = "TUM's depth images", list(_tum(path))
+    elif logs := sorted(path.glob("*.log")):
+        kind, frames = "Redwood's depth images", list(_redwood(path, logs[0]))
+    else:
+        files = sorted(each for each in path.iterdir() if each.suffix.lower() in (".npz", ".png"))
+        if not files:
+            wanted = "transforms.json, groundtruth.txt with depth.txt, a trajectory .log with depth/, or scans"
+            raise checks.InputError(f"{path}: a folder of depth images has {wanted}; this one has none of them")
+        return Sensed(_joined([scans.read(each) for each in files]), "scans", len(files))
+    if not frames:
+        raise checks.InputError(f"{path}: none of its depth images has a pose")
+    images = [_steps(frame.file) for frame in frames[:1]]
+    every = math.ceil(math.sqrt(len(frames) * images[0].size / _MOST))
+    return Sensed(_joined([_frame(each, every) for each in frames]), kind, len(frames))
+
+
+def _joined(parts: list[scans.Scan]) -> scans.Scan:
+    columns = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("positions", "directions", "ranges")
+    )
+    remarks = dict.fromkeys(remark for part in parts for remark in part.remarks)
+    return scans.Scan(*columns, remarks=tuple(remarks))
+
+
+def _frame(frame: _Frame, every: int) -> scans.Scan:
+    """The rays of an image, of every so many rows and columns one."""
+    steps, matrix = _steps(frame.file), frame.intrinsics.copy()
+    if frame.size is not None:  # depth is often coarser than the image that the intrinsics are of
+        matrix[:2] *= np.array(steps.shape[::-1])[:, None] / np.array(frame.size)[:, None]
+    matrix[:2, 2] += (every - 1) / 2
+    matrix[:2] /= every
+    pose = transforms.Similarity.of_matrix(f"{frame.file}: its pose", frame.pose, _TURNED)
+    rigid = pose if abs(pose.scale - 1) > _TURNED else transforms.Similarity(1.0, pose.rotation, pose.translation)
+    try:
+        return scans.of_depth(steps[::every, ::every], matrix, rigid.to_matrix(), scale=frame.step)
+    except checks.InputError as error:
+        raise checks.InputError(f"{frame.file}: {error}") from error
+
+
+def _steps(file: Path) -> Num[np.ndarray, "h w"]:
+    """The depths of an image as its file has them."""
+    if not file.is_file():
+        raise checks.InputError(f"{file}: this depth image is not there")
+    if file.suffix.lower() == ".npy":
+        try:
+            return np.squeeze(np.load(file, allow_pickle=False))
+        except (ValueError, EOFError) as error:
+            raise checks.InputError(f"{file}: not a readable array ({error})") from error
+    return scans.grey(file)[0]
+
+
+def _nerfstudio(path: Path) -> Iterator[_Frame]:
+    file = path / "transforms.json"
+    said = storage.read_json(file)
+    if not isinstance(said, dict) or not isinstance(said.get("frames"), list):
+        raise checks.InputError(f"{file}: must be an object with frames")
+    step = said.get("depth_unit_scale_factor", said.get("integer_depth_scale", _MILLIMETRES))
+    for frame in said["frames"]:
+        own = said | frame
+        if "depth_file_path" in frame:
+            names = ("fl_x", "fl_y", "cx", "cy", "w", "h")
+            own.setdefault("fl_y", own.get("fl_x"))
+            if any(own.get(name) is None for name in names) or "transform_matrix" not in own:
+                raise checks.InputError(f"{file}: a frame needs transform_matrix, and {', '.join(names)} or the file")
+            fx, fy, cx, cy, w, h = (float(checks.require_numbers(f"{file}: {n}", own[n], ())) for n in names)
+            pose = checks.require_numbers(f"{file}: transform_matrix", own["transform_matrix"], (4, 4)) @ _OPENGL
+            yield _Frame(path / own["depth_file_path"], float(step), _matrix(fx, fy, cx, cy), pose, (w, h))
+
+
+def _tum(path: Path) -> Iterator[_Frame]:
+    truth, images = path / "groundtruth.txt", _lines(path / "depth.txt")
+    poses = _table(truth, _lines(truth), 8)
+    times, intrinsics = poses[:, 0], _intrinsics(path)
+    for line in images:
+        when, _, name = line.partition(" ")
+        time = float(_table(path / "depth.txt", [when], 1)[0, 0])
+        nearest = int(np.abs(times - time).argmin())
+        if abs(times[nearest] - time) <= _APART:
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = _rotation(poses[nearest, 4:]), poses[nearest, 1:4]
+            yield _Frame(path / name.strip(), _TUM_STEP, intrinsics, pose)
+
+
+def _redwood(path: Path, log: Path) -> Iterator[_Frame]:
+    images, lines = sorted((path / "depth").glob("*.png")), _lines(log)
+    if len(lines) % 5:
+        raise checks.InputError(f"{log}: a trajectory has five lines a pose; got {len(lines)}")
+    intrinsics = _intrinsics(path)
+    for first in range(0, len(lines), 5):
+        number = int(_table(log, lines[first : first + 1], None)[0, 0])
+        if not 0 <= number < len(images):
+            raise checks.InputError(f"{log}: has a pose of image {number}; depth/ has {len(images)}")
+        yield _Frame(images[number], _MILLIMETRES, intrinsics, _table(log, lines[first + 1 : first + 5], 4))
+
+
+def _lines(file: Path) -> list[str]:
+    """Those that say something."""
+    if not file.is_file():
+        raise checks.InputError(f"{file}: is not there")
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    return [line for line in lines if line.strip() and not line.startswith("#")]
+
+
+def _table(file: Path, lines: list[str], columns: int | None) -> Float[np.ndarray, "n c"]:
+    """The numbers of lines, so many in each."""
+    try:
+        found = np.array([line.split() for line in lines], dtype=np.float64)
+        return found if columns is None else found.reshape(len(lines), columns)
+    except ValueError as error:
+        raise checks.InputError(f"{file}: must have {columns or 'some'} numbers a line ({error})") from error
+
+
+def _rotation(xyzw: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
+    """Of a quaternion, the real part last."""
+    x, y, z, w = xyzw / np.linalg.norm(xyzw)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _intrinsics(path: Path) -> Float[np.ndarray, "3 3"]:
+    """Of a folder whose layout has none of its own."""
+    for file in sorted(path.glob("*.json")):
+        said = storage.read_json(file)
+        if isinstance(said, dict) and "intrinsic_matrix" in said:
+            by_columns = checks.require_numbers(f"{file}: intrinsic_matrix", said["intrinsic_matrix"], (9,))
+            matrix = by_columns.reshape(3, 3).T
+            matrix[:2, 2] += 0.5
+            return matrix
+    found = next((known for name, known in _TUM.items() if name in path.resolve().name), _PRIMESENSE)
+    return _matrix(*found[:2], found[2] + 0.5, found[3] + 0.5)
+
+
+def _matrix(fx: float, fy: float, cx: float, cy: float) -> Float[np.ndarray, "3 3"]:
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
+_Cloud = tuple[np.ndarray, np.ndarray | None, np.ndarray]  # points, normals, and the sensor where there are none
+
+
+def _bin(path: Path) -> _Cloud:
+    data = path.read_bytes()
+    if len(data) % 16:
+        raise checks.InputError(f"{path}: {len(data)} bytes are no rows of four float32, as KITTI's scans are")
+    return np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3].astype(np.float64), None, np.zeros(3)
+
+
+def _pcd(path: Path) -> _Cloud:
+    from ddf.core import extras
+
+    head = path.read_bytes()[:4096]
+    with extras.named():
+        import open3d as o3d
+
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        cloud = o3d.io.read_point_cloud(str(path), format="pcd")
+    view = re.search(rb"^VIEWPOINT[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", head, re.MULTILINE)
+    sensor = np.array([float(each) for each in view.groups()]) if view else np.zeros(3)
+    return np.asarray(cloud.points), np.asarray(cloud.normals) if cloud.has_normals() else None, sensor
+
+
+def _ply(path: Path) -> _Cloud:
+    points, normals = mesh_io.read_oriented(path)
+    return points, normals, np.zeros(3)
+
+
+_CLOUDS: dict[str, Callable[[Path], _Cloud]] = {".bin": _bin, ".pcd": _pcd, ".ply": _ply}

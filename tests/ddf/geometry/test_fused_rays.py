@@ -1,0 +1,72 @@
+"""The surface of measured rays against closed forms: a sphere and a plane."""
+
+import numpy as np
+import pytest
+from _sphere_scan import RADIUS, sphere_scan
+
+from ddf.core import checks
+from ddf.geometry import fused_rays, raycast, scans
+
+
+def radii(fused: fused_rays.Fused) -> np.ndarray:
+    """Of the vertices of the surface."""
+    return np.linalg.norm(fused.mesh.vertices, axis=1)
+
+
+def test_sphere_is_exact_without_noise() -> None:
+    fused = fused_rays.fuse(sphere_scan(16))
+    assert np.abs(radii(fused) - RADIUS).max() < 0.1 * fused.cell  # sagitta of a cell: r - sqrt(r² - h²)
+    assert fused.noise < 0.1 * fused.cell
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.02])
+def test_noise_of_many_rays_is_averaged_and_told(outliers: float) -> None:
+    noise = 0.02
+    fused = fused_rays.fuse(sphere_scan(32, noise, outliers))
+    assert 0.5 * noise < fused.noise < 1.1 * noise
+    off = radii(fused) - RADIUS
+    assert np.median(np.abs(off)) < 0.25 * noise
+    assert np.abs(off).max() < 2 * noise  # no outlier left a speck
+
+
+def test_sphere_is_closed_and_faces_outwards() -> None:
+    fused = fused_rays.fuse(sphere_scan(32, 0.01))
+    scene, random = raycast.Scene(fused.mesh), np.random.default_rng(0)
+    ways = random.standard_normal((2000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    depth, face = scene.first_hits(np.zeros_like(ways), ways)
+    assert (np.abs(depth - RADIUS) < 0.02).all()
+    assert ((scene.normals[face] * ways).sum(axis=1) > 0.5).all()
+
+
+def test_evidence_is_what_rays_passed_through() -> None:
+    fused = fused_rays.fuse(sphere_scan(16))
+    cells = np.array([[0.0, 0, 0], [0.9 * RADIUS, 0.9 * RADIUS, 0], [RADIUS, 0, 0]]) - 0.01
+    passed, ended = fused.evidence(cells, 0.02)
+    assert passed.tolist()[:2] == [False, True]
+    assert ended.tolist() == [False, False, True]
+
+
+def test_plane_seen_from_one_side_stays_open() -> None:
+    random = np.random.default_rng(1)
+    points = np.append(random.uniform(-1, 1, (20_000, 2)), np.zeros((20_000, 1)), axis=1)
+    eye = np.array([0.0, 0, 2])
+    fused = fused_rays.fuse(scans.of_points(points, eye))
+    inner = np.abs(fused.mesh.vertices[:, :2]).max(axis=1) < 0.9
+    assert np.abs(fused.mesh.vertices[inner, 2]).max() < 0.5 * fused.cell  # but where what is behind the rim begins
+    passed, _ = fused.evidence(np.array([[0, 0, 0.05], [0, 0, -0.05]]), 0.01)
+    assert passed.tolist() == [True, False]
+
+
+def test_points_without_sensors_close_nothing() -> None:
+    random = np.random.default_rng(1)
+    points = np.append(random.uniform(-1, 1, (20_000, 2)), np.zeros((20_000, 1)), axis=1)
+    down = np.broadcast_to([0.0, 0, -1], points.shape)
+    fused = fused_rays.fuse(scans.Scan(points - 0.02 * down, down, np.full(len(points), 0.02)), sensed=False)
+    assert np.abs(fused.mesh.vertices[:, 2]).max() < 1e-9
+
+
+def test_too_few_hits_are_refused() -> None:
+    scan = sphere_scan(1)
+    with pytest.raises(checks.InputError, match="too few for a surface"):
+        fused_rays.fuse(scans.Scan(scan.positions, scan.directions, np.full_like(scan.ranges, np.inf)))

@@ -1,0 +1,189 @@
+"""Folders of posed depth images and clouds, each written here as its own makers lay it out."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ddf.core import checks
+from ddf.geometry import mesh_io, posed_depth, scans
+
+HEIGHT, WIDTH, FOCAL, FAR = 6, 8, 10.0, 1.5  # a wall at z = FAR, seen by cameras that look along Z from x = 0 and 0.25
+EYES = np.array([[0.0, 0, 0], [0.25, 0, 0]])
+
+
+def depths(file: Path, step: float, value: float = FAR) -> None:
+    """A PNG of 16 bits, its first pixel without a depth."""
+    image = np.full((HEIGHT, WIDTH), round(value / step), np.uint16)
+    image[0, 0] = 0
+    file.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(image).save(file)
+
+
+def open3d_camera(folder: Path) -> None:
+    """Intrinsics as Open3D writes them, by columns, pixels' centres at whole numbers."""
+    matrix = [FOCAL, 0, 0, 0, FOCAL, 0, WIDTH / 2 - 0.5, HEIGHT / 2 - 0.5, 1]
+    camera = {"width": WIDTH, "height": HEIGHT, "intrinsic_matrix": matrix}
+    (folder / "camera.json").write_text(json.dumps(camera))
+
+
+def check_wall(found: posed_depth.Sensed) -> None:
+    """Both images, symmetric about the optical axis, on the wall."""
+    scan = found.scan
+    assert found.frames == 2 and len(scan.ranges) == 2 * (HEIGHT * WIDTH - 1)
+    assert np.allclose(scan.points[:, 2], FAR)
+    assert np.array_equal(np.unique(scan.positions, axis=0), EYES)
+    half = FAR * (WIDTH - 1) / 2 / FOCAL
+    assert np.isclose(scan.points[:, 0].min(), -half) and np.isclose(scan.points[:, 0].max(), 0.25 + half)
+    assert "frames 2, rays 94, hits 94 in a box of " in found.told
+
+
+def test_tum(tmp_path: Path) -> None:
+    lines = ["# depth maps", "# timestamp filename"]
+    for time in (1.5, 2.5, 9.0):  # the last has no pose near it
+        depths(tmp_path / f"depth/{time:.6f}.png", 1 / 5000)
+        lines.append(f"{time:.6f} depth/{time:.6f}.png")
+    (tmp_path / "depth.txt").write_text("\n".join(lines))
+    poses = ["# timestamp tx ty tz qx qy qz qw", "1.4900 0 0 0 0 0 0 1", "2.5100 0.25 0 0 0 0 0 1"]
+    (tmp_path / "groundtruth.txt").write_text("\n".join(poses))
+    open3d_camera(tmp_path)
+    check_wall(posed_depth.read(tmp_path))
+
+
+def test_quaternions_turn_as_tum_says(tmp_path: Path) -> None:
+    depths(tmp_path / "depth/1.png", 1 / 5000)
+    (tmp_path / "depth.txt").write_text("1.0 depth/1.png\n")
+    (tmp_path / "groundtruth.txt").write_text("1.0 0 0 0 0 0.7071 0 0.7071\n")  # 90 degrees about Y: Z goes to X
+    open3d_camera(tmp_path)
+    assert np.allclose(posed_depth.read(tmp_path).scan.points[:, 0], FAR)
+
+
+def test_tum_without_a_camera_file_has_that_of_its_name(tmp_path: Path) -> None:
+    folder = tmp_path / "rgbd_dataset_freiburg1_xyz"
+    Image.fromarray(np.full((480, 640), 5000, np.uint16)).resize((640, 480)).save(_made(folder / "depth") / "1.png")
+    (folder / "depth.txt").write_text("1.0 depth/1.png\n")
+    (folder / "groundtruth.txt").write_text("1.0 0 0 0 0 0 0 1\n")
+    points = posed_depth.read(folder).scan.points
+    assert np.allclose(points[0], [-318.6 / 517.3, -255.3 / 516.5, 1])
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    return folder
+
+
+def test_nerfstudio(tmp_path: Path) -> None:
+    frames = []
+    for i, eye in enumerate(EYES):
+        depths(tmp_path / f"depth/{i}.png", 0.001)
+        pose = np.diag([1.0, -1, -1, 1])  # looking along Z by OpenGL's axes
+        pose[:3, 3] = eye
+        frames.append({"file_path": f"images/{i}.png", "depth_file_path": f"depth/{i}.png"})
+        frames[-1]["transform_matrix"] = pose.tolist()
+    camera = {"fl_x": 2 * FOCAL, "fl_y": 2 * FOCAL, "cx": WIDTH, "cy": HEIGHT, "w": 2 * WIDTH, "h": 2 * HEIGHT}
+    (tmp_path / "transforms.json").write_text(json.dumps({**camera, "frames": frames}))  # of images twice as fine
+    check_wall(posed_depth.read(tmp_path))
+
+
+def test_redwood(tmp_path: Path) -> None:
+    lines = []
+    for i, eye in enumerate(EYES):
+        depths(tmp_path / f"depth/{i:05d}.png", 0.001)
+        pose = np.eye(4)
+        pose[:3, 3] = eye
+        lines += [f"{i} {i} {i + 1}", *(" ".join(f"{value:.8f}" for value in row) for row in pose)]
+    (tmp_path / "trajectory.log").write_text("\n".join(lines))
+    open3d_camera(tmp_path)
+    check_wall(posed_depth.read(tmp_path))
+
+
+def test_scans_in_a_folder_are_one(tmp_path: Path) -> None:
+    matrix = [[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]]
+    depth = np.full((HEIGHT, WIDTH), FAR)
+    depth[0, 0] = 0
+    for i, eye in enumerate(EYES):
+        place = np.eye(4)
+        place[:3, 3] = eye
+        np.savez(tmp_path / f"{i}.npz", depth=depth, intrinsics=matrix, camera_to_scan=place)
+    check_wall(posed_depth.read(tmp_path))
+
+
+def test_many_pixels_are_thinned_about_the_same_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    depths(tmp_path / "depth/0.png", 0.001)
+    (tmp_path / "a.log").write_text("0 0 1\n" + "\n".join(" ".join(map(str, row)) for row in np.eye(4)))
+    open3d_camera(tmp_path)
+    whole = posed_depth.read(tmp_path).scan
+    monkeypatch.setattr(posed_depth, "_MOST", HEIGHT * WIDTH // 4)
+    fewer = posed_depth.read(tmp_path).scan
+    assert {tuple(p) for p in fewer.points.round(9)} <= {tuple(p) for p in whole.points.round(9)}
+    assert len(fewer.ranges) == HEIGHT * WIDTH // 4 - 1
+
+
+POINTS = np.array([[1.0, 0, 0], [0, 2, 0], [0, 0, 4], [1, 1, 1]], np.float32)
+
+
+def test_kitti(tmp_path: Path) -> None:
+    np.append(POINTS, np.full((4, 1), 0.5, np.float32), axis=1).tofile(tmp_path / "000000.bin")
+    found = posed_depth.read(tmp_path / "000000.bin")
+    assert np.allclose(found.scan.points, POINTS) and not found.scan.positions.any()
+    (tmp_path / "cut.bin").write_bytes(b"123")
+    with pytest.raises(checks.InputError, match=r"cut\.bin: 3 bytes"):
+        posed_depth.read(tmp_path / "cut.bin")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
+def test_pcd(tmp_path: Path, encoding: str) -> None:
+    head = (
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+        f"WIDTH 4\nHEIGHT 1\nVIEWPOINT 0 0 -1 1 0 0 0\nPOINTS 4\nDATA {encoding}\n"
+    ).encode()
+    if encoding == "ascii":
+        body = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS).encode()
+    else:
+        body = POINTS.tobytes()
+        if encoding == "binary_compressed":  # columns one after the other, as LZF runs of literals
+            body, whole = b"", POINTS.T.tobytes()
+            for first in range(0, len(whole), 32):
+                run = whole[first : first + 32]
+                body += bytes([len(run) - 1]) + run
+            body = np.array([len(body), len(whole)], "<u4").tobytes() + body
+    (tmp_path / "cloud.pcd").write_bytes(head + body)
+    scan = posed_depth.read(tmp_path / "cloud.pcd").scan
+    assert np.allclose(scan.points, POINTS) and np.array_equal(scan.positions, np.tile([0.0, 0, -1], (4, 1)))
+
+
+def test_ply_with_normals_needs_no_sensor(tmp_path: Path) -> None:
+    normals = np.tile([0.0, 0, 2.0], (4, 1))
+    (tmp_path / "cloud.ply").write_bytes(mesh_io.points_ply(POINTS.astype(float), normals))
+    found = posed_depth.read(tmp_path / "cloud.ply")
+    assert not found.sensed and np.allclose(found.scan.points, POINTS)
+    assert np.allclose(found.scan.directions, [0, 0, -1])
+    assert posed_depth.is_rays(tmp_path / "cloud.ply")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.las", b"LASF", "LAS is not read; make an NPZ"),
+        ("a.pcd", b"nothing", "holds no points"),
+        ("folder/x.txt", b"", "a folder of depth images has"),
+        ("folder/transforms.json", b'{"frames": [{"depth_file_path": "d.png"}]}', "a frame needs transform_matrix"),
+        ("folder/transforms.json", b"[]", "must be an object with frames"),
+        ("folder/groundtruth.txt", b"1 2 3", "depth.txt: is not there"),
+        ("folder/t.log", b"0 0 1\n1 0 0 0", "five lines a pose"),
+    ],
+)
+def test_refusals_name_the_file(tmp_path: Path, name: str, content: bytes, told: str) -> None:
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(content)
+    with pytest.raises(checks.InputError, match=told) as refused:
+        posed_depth.read(file.parent if file.parent.name == "folder" else file)
+    assert str(file.parent) in str(refused.value)
+
+
+def test_a_scan_is_read_as_scans_are(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", points=POINTS, sensors=np.zeros(3))
+    assert np.allclose(posed_depth.read(tmp_path / "a.npz").scan.points, scans.read(tmp_path / "a.npz").points)
