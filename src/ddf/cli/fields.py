@@ -33,11 +33,10 @@ def fit(
     threads: Annotated[int | None, Arg("N", parse=arguments.whole_number(1))] = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Fit a field to a mesh, with held-out errors and a picture of it beside the mesh, or to what a sensor saw.
+    """Fit a field to a mesh, with held-out errors and a picture beside the mesh, or to what a sensor saw.
 
-    Posed depth images are a folder as TUM RGB-D, nerfstudio (`transforms.json`) and Redwood (`depth/`, a trajectory
-    .log) write it, or of scans as `ddf complete` reads them. A scan alone will do, and so will clouds: KITTI .bin, PCD,
-    PLY with normals. What no ray saw is told by `Field.seen`.
+    Sensors: posed depth images in a folder as TUM RGB-D, nerfstudio (`transforms.json`) and Redwood (`depth/`, a .log)
+    write it; scans as of `ddf complete`, one or a folder; clouds: KITTI .bin, PCD, PLY with normals.
 
     | `--kind` | the field | needs |
     | --- | --- | --- |
