@@ -1,12 +1,21 @@
 """Stage `figures`: the paper's figures remade, with numbers against exact values, in artifacts/<experiment>/report."""
 
 from ddf_lab.engine import stage
-from ddf_lab.figures import distance_figure, figure_fields, fit_figure, room_figure, slice_figures, sphere_figures
+from ddf_lab.figures import (
+    distance_figure,
+    figure_fields,
+    fit_figure,
+    room_figure,
+    sample_figure,
+    slice_figures,
+    sphere_figures,
+)
 from ddf_lab.report import pages
 from ddf_lab.run import Run
 
 SECTIONS = (  # in the order of the page
     slice_figures.teaser_section,
+    sample_figure.section,
     slice_figures.slices_section,
     sphere_figures.section,
     fit_figure.section,
