@@ -24,6 +24,7 @@ from ddf.fit import fit_settings, fitting, latent_prior, shape_samples
 from ddf.io import onnx_file
 from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf.training import line_steps
+from ddf_lab import other_kinds
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run, class_of
 
@@ -118,6 +119,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     for number, (shape, views) in enumerate(dataset.test(name)[:SAMPLES]):
         image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
+    told = other_kinds.tell_apart(out, name, run.root / "kinds")
     seen, shapes = _seen(run, dataset, name), dataset.train(name)
     write_sources(seen, out / SOURCES)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
@@ -142,7 +144,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
         "Limits": [
             "Trained on renders alone: real photographs are outside of what it knows.",
             f"Any object is taken for a {name}. Images without alpha are cut out by their background or `--mask`.",
-            "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
+            told,
         ],
         "Licence": licence(seen),
     }

@@ -103,7 +103,7 @@ def reconstruct(
       `picture.png` shows the picture and the field from four sides.
     - Several pictures before the model get a folder each; with `--together` they show one object.
     - The verdict: `like the training images`, `unusual: expect errors` (beyond 90 % of them), or `no chair` (beyond
-      99 %).
+      95 %).
 
     Args:
       images: pictures of one object each: PNG, WebP, JPEG or GIF.

@@ -1,0 +1,31 @@
+"""What the package's models call none of their kind, of shapes that they have not seen."""
+
+import numpy as np
+import pytest
+import torch
+
+from ddf.core import shipped_models
+from ddf.data import shapenet
+from ddf.data.synthetic import write
+from ddf.models import line_field, out_of_distribution
+from ddf_lab import other_kinds
+
+
+@pytest.mark.parametrize(("kind", "other"), [("chair", "car"), ("car", "chair")])
+def test_a_model_tells_its_kind_from_another(tmp_path, kind, other):
+    trained, far = line_field.load(shipped_models.place(kind)), {}
+    assert trained.statistics is not None and trained.statistics.direction is not None
+    for category in (kind, other):
+        found = []
+        for index in range(4):
+            write.write_shape(tmp_path, 3, category, index, 3, wide=True)
+            name = write.shape_id(3, category, index)
+            folder = shapenet.rendering_dir(tmp_path, shapenet.synset(category), name)
+            found.append(other_kinds._features(trained, folder))
+        far[category] = (trained.statistics.score(torch.cat(found)) >= out_of_distribution.FAR).mean()
+    assert far[kind] <= 0.25 and far[other] >= 0.75
+
+
+def test_rates_name_the_models_kind_first():
+    tested = [("car", np.array([0.1, 0.97])), ("bed", np.array([0.99])), ("car", np.array([0.2, 0.3]))]
+    assert "calls no car: 25% of 4 cars, 100% of 1 beds," in other_kinds._rates("car", tested)
