@@ -67,7 +67,7 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
     assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
     assert 0.65 <= result["camera"]["radius"] <= 0.95
-    assert 0.9 < result["silhouette_iou"] < 1
+    assert 0.8 < result["silhouette_iou"] < 1
     assert result["command_seconds"] > sum(result["seconds"].values()) and "picture" in result["seconds"]
 
 
