@@ -20,6 +20,7 @@ ROOMS = (
     "ddf.reconstruction",
     "ddf.io",
     "ddf.api",
+    "ddf.torch",
     "ddf.cli",
     "ddf_lab.run",
     "ddf_lab.evaluation",

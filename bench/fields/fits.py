@@ -53,7 +53,7 @@ class Way:
     """Something that answers rays of the mesh's frame. image: renders one, for the clock."""
 
     name: str
-    ask: Callable[[rays.OrientedPoints], Answer]
+    ask: Callable[..., Answer]
     image: Callable[[], Any]
     size: int
     seconds: float
@@ -104,7 +104,7 @@ def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
 def patches(mesh: mesh_io.Mesh, tolerance: float) -> tuple[Way, patch_field.PatchField]:
     """Patches of a tolerance, and their field."""
     started = time.process_time()
-    arrays, record = patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig(tolerance))
+    arrays, record = patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig.within(tolerance))
     took = time.process_time() - started
     size = sum(values.nbytes for values in arrays.values())
     field = patch_field.of(arrays, record)
@@ -112,9 +112,9 @@ def patches(mesh: mesh_io.Mesh, tolerance: float) -> tuple[Way, patch_field.Patc
 
 
 def _way(name: str, field: framed_field.FramedField, size: int, took: float) -> Way:
-    def ask(points: rays.OrientedPoints) -> Answer:
-        found, _ = framed_field.query(field, points, OUTPUTS)
-        return found["depth"], found["normals"]
+    def ask(points: rays.OrientedPoints, outputs: Sequence[str] = OUTPUTS) -> Answer:
+        found, _ = framed_field.query(field, points, outputs)
+        return found["depth"], found.get("normals", np.zeros(0))
 
     camera = (*CAMERA, framed_field.framing_radius(field, *CAMERA))
     return Way(name, ask, lambda: framed_field.render(field, camera, SIZE, ("visibility", "depth")), size, took)

@@ -9,6 +9,7 @@ import types
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ddf import torch as torch
     from ddf.api.completion import Completion, complete, recover_pose
     from ddf.api.field import Field, fit, load
     from ddf.api.meshes import cast, compare, read_mesh
@@ -59,9 +60,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from the module of `ddf.api` that holds it."""
+    """A public name, from the module of `ddf.api` that holds it; and the module `ddf.torch`."""
     if name == "__version__":
         return importlib.import_module("ddf.core.extras").version()
+    if name == "torch":
+        return importlib.import_module("ddf.torch")
     if name not in _HOMES:
         raise AttributeError(f"module 'ddf' has no attribute {name!r}")
     value = globals()[name] = getattr(importlib.import_module(f"ddf.api.{_HOMES[name]}"), name)
@@ -69,7 +72,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return [*__all__, "torch"]
 
 
 class _Package(types.ModuleType):

@@ -57,6 +57,24 @@ def test_recover_pose(tmp_path):
     assert angle < 1 and shift < 0.01
 
 
+@pytest.mark.timeout(600)
+def test_fit_a_latent(tmp_path):
+    before, unseen, after, at_last = map(float, re.findall(r"\d\.\d+", _run(tmp_path, "fit_a_latent.py")))
+    assert after < 0.1 * before and at_last < 0.1 * unseen
+
+
+@pytest.mark.timeout(600)
+def test_pose_in_a_loop(tmp_path):
+    turn, shift, angle, off = map(float, re.findall(r"\d+\.\d+", _run(tmp_path, "pose_in_a_loop.py")))
+    assert turn > 10 and shift > 0.1 and angle < 0.5 and off < 0.01
+
+
+@pytest.mark.timeout(600)
+def test_light_from_shadows(tmp_path):
+    before, after = map(float, re.findall(r"\d+\.\d+", _run(tmp_path, "light_from_shadows.py")))
+    assert before > 2 and after < 0.2
+
+
 def test_depth_renderer(tmp_path):
     said = _run(tmp_path, "depth_renderer.py", "--steps", "3")
     depth, off = map(float, re.findall(r"\d+\.\d+", said))

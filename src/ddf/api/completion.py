@@ -181,7 +181,7 @@ def recover_pose(
     with extras.named():
         from ddf.fields import shape_field
         from ddf.fit import completion
-    shape = field._weights
+    shape = field.weights
     if isinstance(shape, shape_field.ShapeField) and shape.modulations is not None:
         raise checks.InputError("recover_pose takes the field of one shape, such as `ddf fit` makes")
     doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0, anyhow=True)

@@ -40,7 +40,7 @@ class Field(queries.Queried):
         self.path = path  # its file or folder; None where there is none
 
     @cached_property
-    def _weights(self) -> "Weights":
+    def weights(self) -> "Weights":
         """The field by its own file, which `points` needs."""
         if self._load_weights is None:
             raise checks.InputError("this needs the weights of the field; an ONNX file alone does not give them")
@@ -83,7 +83,7 @@ class Field(queries.Queried):
         with extras.named():
             from ddf.fields import stored_fields
             from ddf.fit import surfaces
-        found = stored_fields.points(self._weights, checks.require_whole("n", n, 1), seed)
+        found = stored_fields.points(self.weights, checks.require_whole("n", n, 1), seed)
         return (found, surfaces.normals_at(self.framed, found)) if normals else found
 
     def seen(self, positions: npt.ArrayLike, directions: npt.ArrayLike) -> Bool[np.ndarray, "n"]:
@@ -94,7 +94,7 @@ class Field(queries.Queried):
         Raises:
           ValueError: a wrong shape, or the field was not fitted to rays.
         """
-        asked, own = queries.require_oriented_points(positions, directions), getattr(self._weights, "seen", None)
+        asked, own = queries.require_oriented_points(positions, directions), getattr(self.weights, "seen", None)
         if own is None:
             raise checks.InputError("the field was not fitted to rays, so that all of it is known")
         return own(asked.positions, asked.directions)
@@ -109,7 +109,7 @@ class Field(queries.Queried):
         """
         with extras.named():
             from ddf.fields import stored_fields
-        return stored_fields.save(self._weights, Path(folder))
+        return stored_fields.save(self.weights, Path(folder))
 
     def export(self, path: str | Path) -> Path:
         """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does. Needs torch.
@@ -270,7 +270,7 @@ def fit(
         elif network:
             fitting.fit(meshes.as_mesh(mesh), settings, Path(folder))
         else:
-            config = octree.PatchConfig() if tolerance is None else octree.PatchConfig(float(tolerance))
+            config = octree.PatchConfig() if tolerance is None else octree.PatchConfig.within(float(tolerance))
             patch_fitting.fit(meshes.as_mesh(mesh), config, Path(folder))
         shape = _torch_field(Path(folder))
     return Field(shape, lambda: shape, None if out is None else Path(out))

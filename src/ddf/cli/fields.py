@@ -76,7 +76,7 @@ def fit(
     if kind != "sine" and not of_sine:
         from ddf.fields.grid import octree
 
-        patches = octree.PatchConfig() if tolerance is None else octree.PatchConfig(tolerance=tolerance)
+        patches = octree.PatchConfig() if tolerance is None else octree.PatchConfig.within(tolerance)
         loaded = mesh_io.load_surface(mesh)
         result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
         spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"

@@ -33,6 +33,7 @@ for name, function in {
     "cast": lambda: ddf.cast(mesh, [[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]),
     "fit": lambda: ddf.fit(mesh, steps=1),
     "reconstruct": lambda: ddf.reconstruct(file, "chair"),
+    "torch": lambda: ddf.torch.Field(rabbit),
 }.items():
     try:
         function()

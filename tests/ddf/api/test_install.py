@@ -107,7 +107,7 @@ def test_the_commands_of_the_pages_run_in_the_extra_that_they_name(extra, versio
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert Path(result["file"]).is_relative_to(tmp_path) and result["heavy"] == []
-    assert set(result["told"]) == {"points", "surface", "cast", "fit", "reconstruct"}
+    assert set(result["told"]) == {"points", "surface", "cast", "fit", "reconstruct", "torch"}
     for name, told in result["told"].items():
         assert told.startswith("this needs ") and told.endswith(': pip install "directed-distance-fields[torch]"'), name
 

@@ -142,12 +142,12 @@ def _surface(rows, i, x, y, z, vx, vy, vz, out, ray):
 
 @compiled
 def trace(positions, directions, box, base, children, patches, codes, tolerance):
-    """What rays meet first, (n, 7): depth (`inf` on a miss), normal, κ1 + κ2, κ1 κ2, and 1 where all of it was seen.
+    """What rays meet first, (n, 8): depth (`inf` on a miss), normal, κ1 + κ2, κ1 κ2, 1 where all of it was seen, which patch.
 
     box: (2, 3), outside of which nothing is. base (R, R, R) of the cube [-1, 1]³: 0 an empty cell, k > 0 a leaf whose
     patches begin at k - 1, -k < 0 a cell whose eight parts are children[k - 1], x slowest; or `UNKNOWN`.
     """
-    out = np.zeros((len(positions), 7))
+    out = np.zeros((len(positions), 8))
     finest = base.shape[0] << DEEPEST  # cells along a side, were all cut to the end
     unit, per = 2.0 / finest, 0.5 * finest
     for ray in range(len(positions)):
@@ -181,7 +181,7 @@ def trace(positions, directions, box, base, children, patches, codes, tolerance)
                 near = max(near, _nearness(codes[node - 1], side, tolerance)) if t <= side else 0.0
                 depth, which = _cell_hit(patches, codes, node - 1, x, y, z, vx, vy, vz, t, end, side, tolerance, near)
                 if which >= 0:
-                    out[ray, 0] = depth
+                    out[ray, 0], out[ray, 7] = depth, which
                     if codes[node - 1] & GUESSED:
                         out[ray, 6] = 0.0
                     _surface(patches, which, x + depth * vx, y + depth * vy, z + depth * vz, vx, vy, vz, out, ray)

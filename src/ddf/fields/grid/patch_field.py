@@ -55,7 +55,7 @@ class PatchField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs, field frame, float64; 0 on a miss, as is the visibility, which is else 1."""
-        met = self._trace(positions, directions)
+        met = self.met(positions, directions)
         seen = np.isfinite(met[:, 0])
         met[~seen, 0] = 0.0
         found = {name: met[:, column] for name, column in _COLUMNS.items() if name in outputs}
@@ -70,9 +70,9 @@ class PatchField:
         if octree.UNSEEN not in self.arrays:
             raise checks.InputError("the field was not fitted to rays, so all of it is known")
         to_field = self.field_from_mesh
-        return self._trace(to_field.apply(positions), to_field.apply_directions(directions))[:, 6] > 0
+        return self.met(to_field.apply(positions), to_field.apply_directions(directions))[:, 6] > 0
 
-    def _trace(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> np.ndarray:
+    def met(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> np.ndarray:
         """As `kernels.trace`."""
         tree, (starts, along) = self.tree, (np.require(v, np.float64, ["C", "W"]) for v in (positions, directions))
         box = np.stack([self.lower, self.upper])
