@@ -142,7 +142,7 @@ def _surface(rows, i, x, y, z, vx, vy, vz, out, ray):
 
 @compiled
 def trace(positions, directions, box, base, children, patches, codes, tolerance):
-    """What rays meet first, (n, 8): depth (`inf` on a miss), normal, κ1 + κ2, κ1 κ2, 1 where all of it was seen, which patch.
+    """What rays meet first, (n, 8): depth (`inf` on a miss), normal, κ1 + κ2, κ1 κ2, 1 where all was seen, which patch.
 
     box: (2, 3), outside of which nothing is. base (R, R, R) of the cube [-1, 1]³: 0 an empty cell, k > 0 a leaf whose
     patches begin at k - 1, -k < 0 a cell whose eight parts are children[k - 1], x slowest; or `UNKNOWN`.
