@@ -99,7 +99,7 @@ def fit_rays(
             f"cells of {fused.cell:.3g}, hits {fused.noise:.2g} off the surface (deviation); rays passed "
             f"{seen:.0%} of the space around"
         )
-        least = max(octree.PatchConfig().tolerance, OF_NOISE * fused.noise * own_from_mesh.scale)
+        least = tolerance_of(fused.noise * own_from_mesh.scale)
         config = octree.PatchConfig(least if tolerance is None else tolerance)
 
         def errors(field: patch_field.PatchField) -> dict[str, Any]:
@@ -110,6 +110,11 @@ def fit_rays(
 
     told = (scan.positions, scan.directions, scan.ranges)
     return _written(["rays", tolerance, sensed], told, out_dir, source, force, make)
+
+
+def tolerance_of(noise: float) -> float:
+    """Of patches of rays whose hits are so far off the surface, half longest sides."""
+    return max(octree.PatchConfig().tolerance, OF_NOISE * noise)
 
 
 def _some(scan: scans.Scan, kept: Bool[np.ndarray, "n"]) -> scans.Scan:
