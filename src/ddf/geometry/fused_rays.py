@@ -22,13 +22,14 @@ from ddf.geometry import carved_surface, grid_loops, mesh_io, scans, unsigned_su
 FEWEST = 50  # hits
 _FINEST = 160  # nodes along the longest side
 _MARGIN = 5  # nodes around the hits
-_SPACING, _NOISE = 1.3, 1.2  # sides of a cell, in spacings of hits and in deviations of their noise
-_PLANE, _MEAN = 1.2, 0.8  # widths of the Gaussians of planes and of f, in cells
+_SPACING, _NOISE = 1.3, 0.9  # sides of a cell, in spacings of hits and in deviations of their noise
+_PLANE, _MEAN = 1.8, 0.8  # widths of the Gaussians of planes and of f, in cells
 _LEAST = 0.05  # of the median weight: that of a node that f is known at
 _NEAR = 2.0  # cells: how far off f is known
 _BESIDE = 1.1  # widths: a node so far beside the hits that its planes are of is not on the surface, if rays passed it
 _CLOSED = 4  # cells around hits in which what is open is closed
 _STRAY_CELLS, _STRAY = 64, 3  # along the longest side; hits fewer than this in 27 cells are strays
+_ALONE = 8.5  # what a ray or two add up to in 27 nodes
 _FEW = 0.2  # of the median number of rays through a node
 _SPECK = 0.01  # of the largest free space
 _MOST_CARVING = 600_000  # rays
@@ -180,8 +181,8 @@ def _connected(passed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
 
 
 def _passed(scan: scans.Scan, planes: _Planes) -> Bool[np.ndarray, "x y z"]:
-    """Nodes that rays passed through, which end a little before their hits; more than a few, where others have many:
-    ranges can be wrong.
+    """Nodes that rays passed through, which end a little before their hits; not those of a ray alone, where others have
+    many: its range can be wrong.
     """
     chosen = slice(None)
     if len(scan.ranges) > _MOST_CARVING:
@@ -190,4 +191,6 @@ def _passed(scan: scans.Scan, planes: _Planes) -> Bool[np.ndarray, "x y z"]:
     before = 1.5 + 3 * planes.noise / _GRAZING / planes.cell
     counts = np.zeros(planes.shape, np.int32)
     grid_loops.carve(starts, scan.directions[chosen], scan.ranges[chosen] / planes.cell - before, counts)
-    return counts >= max(1.0, _FEW * float(np.median(counts[counts > 0])) if counts.any() else 1.0)
+    usual = float(np.median(counts[counts > 0])) if counts.any() else 0.0
+    around = 27 * ndimage.uniform_filter(counts.astype(np.float32), 3, mode="constant")
+    return (counts > 0) & (around > min(_ALONE, 27 * _FEW * usual))
