@@ -23,7 +23,8 @@ class Completion:
     points: (n, 3), on its surface. seen: (n), whether the scan saw that part; the rest is inferred. spread: (n),
     standard deviation of where the surface is. pose: (4, 4), from the frame of the model, where the shape fills the
     cube [-1, 1]³ with Y up, to that of the scan. residuals: of each ray of the scan, its range less that of the field,
-    NaN where one of both met nothing. explained: share of the hits that the field is near to.
+    NaN where one of both met nothing. explained: share of the hits that the field is near to. likeness: the probability
+    that the object is of the model's kind.
     """
 
     field: Field
@@ -33,6 +34,7 @@ class Completion:
     pose: Float[np.ndarray, "4 4"]
     residuals: Float[np.ndarray, "m"]
     explained: float
+    likeness: float
     _network: Any = dataclasses.field(repr=False)
     _found: Any = dataclasses.field(repr=False)
 
@@ -68,7 +70,7 @@ def complete(
     pose: npt.ArrayLike | None = None,
     *,
     refine: bool = True,
-    up: str = "y",
+    up: str | None = None,
     noise: float = 0.0,
     image: str | Path | None = None,
     n: int = 5000,
@@ -83,7 +85,8 @@ def complete(
       pose: 4x4, where its box lies: turns the model's axes (X ahead, Y up) to the scan's, scales by half the longest
         side, moves to the middle. None: all hits are of the object, which stands upright.
       refine: whether the pose may move, by some 15 degrees and a tenth of the size; without a pose it always may.
-      up: without a pose, the axis of the scan's frame that points up: y, z or -y.
+      up: without a pose, the axis of the scan's frame that points up: y, z or -y. None: y, or of a depth image in its
+        camera's own frame what is up before a camera that looks level or down.
       noise: standard deviation of a range, unit of the scan.
       image: an RGBA picture of the object, from any side, that starts the search too.
       n: points of the cloud, 2 or more.
@@ -106,7 +109,7 @@ def complete(
     given = scan if isinstance(scan, scans.Scan) else scans.read(Path(scan))
     if checks.require_whole("n", n, 2) and not 0 <= noise < np.inf:
         raise checks.InputError(f"noise must be 0 or more, in the unit of the scan; got {noise}")
-    if up not in _UPS:
+    if up is not None and up not in _UPS:
         raise checks.InputError(f"up must be one of {', '.join(_UPS)}; got {up!r}")
     place = None if pose is None else transforms.Similarity.of_matrix("pose", pose)
     with extras.named():
@@ -124,7 +127,9 @@ def complete(
     config = completion.CompletionConfig()
     doubt = completion.Doubt() if refine else None
     if place is None:
-        doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
+        looked_at = up is None and given.of_camera
+        doubt = completion.LOOKED_AT if looked_at else completion.UPRIGHT
+        place = completion.guess(given, None if looked_at else np.array(_UPS[up or "y"]))
     found = completion.complete(decoder, prior.widest(config.axes), given, place, doubt, noise, config, latent, seed)
     cloud = completed_surface.cloud(decoder.field, found, given, n, seed)
     shape = completed_surface.field(decoder.field, found)
@@ -136,6 +141,7 @@ def complete(
         found.scan_from_field.to_matrix(),
         found.residuals,
         found.explained,
+        found.likeness,
         decoder.field,
         found,
     )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ddf.reconstruction import sampler
 
 BATCHES = (1, 7, 65536)  # rays that an ONNX file and its model are compared with
-_LIKELY = 0.5  # share of explained hits under which a scan is called unlike the category
+_LIKELY = 0.5  # likeness, and share of explained hits, under which a scan is called unlike the model's kind
 _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
@@ -173,7 +173,7 @@ def complete(
     *,
     pose: Annotated[Path | None, Arg("POSE.json")] = None,
     fixed: bool = False,
-    up: Literal["y", "z", "-y"] = "y",
+    up: Literal["y", "z", "-y"] | None = None,
     noise: float = 0.0,
     image: Annotated[Path | None, Arg("IMAGE.png")] = None,
     points: _CloudPoints = 5000,
@@ -220,6 +220,7 @@ def complete(
     result = {
         "pose": found.pose.tolist(),
         "explained": found.explained,
+        "likeness": found.likeness,
         "residual_median": float(np.median(both)) if len(both) else None,
         "seen": float(found.seen.mean()),
         "spread_median": {
@@ -233,8 +234,8 @@ def complete(
     storage.write_json(out / "completion.json", result)
     verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
     verdict += f"; its longest side is {2 * np.cbrt(np.linalg.det(found.pose[:3, :3])):.4g}"
-    if found.explained < _LIKELY:
-        verdict += "; WARNING: perhaps another category, pose or unit"
+    if min(found.likeness, found.explained) < _LIKELY:
+        verdict += f"; WARNING: perhaps no {Path(model).name}, or another pose or unit"
     return result | {"verdict": verdict + results.left_out(given.remarks)}
 
 

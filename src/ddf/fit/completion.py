@@ -38,6 +38,7 @@ _FOR_BOX = 800  # hits
 _TIE = 0.03  # weight of that in the loss
 _AT_ONCE = 32  # draws
 _TOGETHER = 64  # objects of a descent, for memory
+_KIND = (0.62, 7.4, -0.029, 2.46)  # of `_likeness`: hits, free rays, |u|², constant
 _APART = math.radians(25.0)  # between starts that are turned anyhow
 
 
@@ -57,6 +58,8 @@ class Doubt:
 
 
 UPRIGHT = Doubt(5.0, 0.15, 0.15, around=True)
+LOOKED_AT = Doubt(20.0, 0.15, 0.15, around=True)  # upright before a camera that looks down by `_DOWN` or so
+_DOWN = math.radians(20.0)
 
 
 @dataclass(frozen=True)
@@ -93,8 +96,9 @@ class Completed:
 
     scan_from_field: the pose. modulations: of the field; `samples`: of as many shapes that the scan leaves open.
     residuals: range seen minus range of the field, unit of the scan, of every ray of the scan that meets the cube
-    and that both see; NaN elsewhere. explained: share of hits in the cube within three `width` of the field's. loss:
-    that of the descent. width: b, field units, with the sensor's noise.
+    and that both see; NaN elsewhere. explained: share of hits in the cube within three `width` of the field's.
+    likeness: the probability that the object is of the model's kind (`_likeness`). loss: that of the descent. width: b,
+    field units, with the sensor's noise.
     """
 
     scan_from_field: transforms.Similarity
@@ -102,6 +106,7 @@ class Completed:
     samples: list[Float[Tensor, "s 1 _"]]
     residuals: Float[np.ndarray, "n"]
     explained: float
+    likeness: float
     loss: float
     width: float
 
@@ -178,7 +183,8 @@ def complete(
     modulations = [each.detach()[0] for each in model.modulations(prior.latents(best.u))]
     samples = [each.detach() for each in model.modulations(prior.latents(spread))]
     residuals, explained = _residuals(problem, scan, pose, modulations)
-    return Completed(pose, modulations, samples, residuals, explained, float(loss), width)
+    likeness = _likeness(problem, best, sample)
+    return Completed(pose, modulations, samples, residuals, explained, likeness, float(loss), width)
 
 
 def find(
@@ -209,17 +215,18 @@ def find(
     return found
 
 
-def guess(scan: scans.Scan, up: Float[np.ndarray, "3"]) -> transforms.Similarity:
+def guess(scan: scans.Scan, up: Float[np.ndarray, "3"] | None = None) -> transforms.Similarity:
     """A pose of an object that stands upright and of which alone all hits are: the box of most of them.
 
     Args:
-      up: unit vector of the scan's frame.
+      up: unit vector of the scan's frame; None is that of the mean camera that took it.
     Raises:
       InputError: too few hits.
     """
     if scan.hit.sum() < FEWEST_HITS:
         raise checks.InputError(_why_none(scan, scan.ranges, transforms.Similarity()))
     lower, upper = np.quantile(scan.points, [_STRAY, 1 - _STRAY], axis=0)
+    up = np.array([0.0, -math.cos(_DOWN), -math.sin(_DOWN)]) if up is None else up
     ahead = np.eye(3)[int(np.argmin(np.abs(up)))]
     ahead = ahead - (ahead @ up) * up
     ahead /= np.linalg.norm(ahead)
@@ -464,6 +471,20 @@ def _descend(
             loss = problem.loss(state, _pick(many, 2 * config.rays, generator))
         state = state.best(loss, config.kept)
     return state
+
+
+@torch.no_grad()
+def _likeness(problem: _Problem, best: _State, seen: _Rays) -> float:
+    """The probability that a scan is of the model's kind: hits and free rays are likely, and the shape is usual.
+
+    A logistic regression on these three, of 69 scans of validation shapes and of other objects, pose and scale unknown;
+    log-likelihoods as of a noiseless sensor. Below 0.5 were 0 of 11 test shapes and 11 of 13 other objects.
+    """
+    likely, hit = problem.log_likelihoods(_State(*(each[:, None] for each in best.all())), seen), seen.ranges.isfinite()
+    of_hits = likely[hit].mean() + math.log(problem.width / problem.config.blur)
+    of_free = likely[~hit].mean() if (~hit).any() else likely.new_zeros(())
+    values = torch.stack((of_hits, of_free, best.u.square().sum(), likely.new_ones(())))
+    return float(torch.sigmoid(values @ values.new_tensor(_KIND)))
 
 
 def _open(problem: _Problem, seen: _Rays, best: _State, generator: torch.Generator) -> Float[Tensor, "s axes"]:

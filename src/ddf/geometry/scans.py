@@ -44,7 +44,8 @@ _RIGID = 1e-5  # by how much the scale of a camera may differ from 1: float32 fi
 class Scan:
     """Rays and how far each went before it met something: `inf` where it met nothing.
 
-    remarks: what of a file is left out or doubtful, one line each.
+    remarks: what of a file is left out or doubtful, one line each. of_camera: whether the frame is that of the camera
+    that took it, X right, Y down, Z ahead.
 
     Raises:
       InputError: shapes differ, a value is no number, a direction is not of unit length, a range is not above 0.
@@ -54,6 +55,7 @@ class Scan:
     directions: Float[np.ndarray, "_ 3"]
     ranges: Float[np.ndarray, "_"]
     remarks: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
+    of_camera: bool = field(default=False, kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
         asked = rays.unit_points(*(np.asarray(each, dtype=np.float64) for each in (self.positions, self.directions)))
@@ -136,7 +138,8 @@ def of_depth(
     along = pixel_directions(height, width, intrinsics, None not in told, np.flatnonzero(kept))
     ranges = scale * depth[kept].astype(np.float64) / (1.0 if along_rays else along[:, 2])
     starts = np.broadcast_to(place.translation, along.shape)
-    return Scan(starts, place.apply_directions(along), ranges, remarks=remarks)
+    turned = place.apply_directions(along)
+    return Scan(starts, turned, ranges, remarks=remarks, of_camera=camera_to_scan is None)
 
 
 def pixel_directions(

@@ -163,7 +163,7 @@ def test_interval_of_one_sure_shape_is_that_of_its_blur():
     model, _, shape = _chair()
     assert shape.modulations is not None
     many = [each.expand(3000, 1, -1) for each in shape.modulations]
-    found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, 0.0, 0.02)
+    found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, 1.0, 0.0, 0.02)
     scan = _scan(shape, 24)
     low, high = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
     sure = scan.hit.copy()

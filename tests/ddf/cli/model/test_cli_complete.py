@@ -32,6 +32,7 @@ def test_complete_writes_a_field_that_loads_and_clouds(scan, tmp_path, answer):
     words = ("--pose", tmp_path / "pose.json", "--fixed", "-n", 200)
     result = answer("complete", scan, "chair", tmp_path / "out", *words)
     np.testing.assert_allclose(result["pose"], pose)
+    assert result["likeness"] > 0.5
     seen, inferred = (mesh_io.read_points(tmp_path / "out" / f"{name}.ply") for name in ("seen", "inferred"))
     assert len(seen) + len(inferred) == 200 and result["seen"] == pytest.approx(len(seen) / 200)
     with np.load(tmp_path / "out" / "cloud.npz") as file:
@@ -47,3 +48,18 @@ def test_complete_writes_a_field_that_loads_and_clouds(scan, tmp_path, answer):
     residuals = arrays["residuals"][both]
     np.testing.assert_allclose(given.ranges[both] - depth[both], residuals, atol=2e-3)
     assert result["residual_median"] == pytest.approx(np.median(np.abs(residuals)), abs=2e-3)
+
+
+def test_a_depth_image_without_its_cameras_place_stands_upright(scan):
+    eye, side = np.array([0.9, 1.4, 2.4]), 32
+    ahead = -eye / np.linalg.norm(eye)
+    right = np.cross(ahead, [0, 1, 0]) / np.linalg.norm(np.cross(ahead, [0, 1, 0]))
+    turn = np.stack([right, np.cross(ahead, right), ahead])  # the camera's axes in the frame of the field: Y is down
+    intrinsics = np.array([[34.0, 0, side / 2], [0, 34.0, side / 2], [0, 0, 1]])
+    along = scans.pixel_directions(side, side, intrinsics)
+    depth = ddf.load("armchair").query(np.broadcast_to(eye, along.shape), along @ turn)["depth"] * along[:, 2]
+    seen = scans.of_depth(np.where(np.isfinite(depth), depth, np.inf).reshape(side, side), intrinsics)
+    assert seen.of_camera and not scans.read(scan).of_camera
+    chair = ddf.complete(seen, "chair", n=50)
+    up = chair.pose[:3, 1] / np.linalg.norm(chair.pose[:3, 1])
+    assert up @ turn[:, 1] > 0.8  # the camera's Y is down
