@@ -21,6 +21,7 @@ ROOMS = {  # what a room holds
     "ddf.reconstruction": "an image becomes a thing; new shapes",
     "ddf.io": "model files, ONNX, the viewer's page",
     "ddf.api": "import ddf: load, fit, cast, ...",
+    "ddf.torch": "rays with gradients, in a loop of one's own",
     "ddf.cli": "the command ddf: a function a command",
     "ddf_lab.run": "what a stage is given: sections, folders, seed",
     "ddf_lab.evaluation": "the paper's columns, baselines, paired errors",

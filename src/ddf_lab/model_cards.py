@@ -24,8 +24,7 @@ from ddf.fit import fit_settings, fitting, latent_prior, shape_samples
 from ddf.io import onnx_file
 from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf.training import line_steps
-from ddf_lab import other_kinds
-from ddf_lab.evaluation import groups, one_model
+from ddf_lab.evaluation import groups, one_model, other_kinds
 from ddf_lab.run import Run, class_of
 
 ONNX, CARD, INDEX, SOURCES = "field.onnx", "card.md", "index.json", "sources.csv"

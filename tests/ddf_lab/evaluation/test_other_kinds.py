@@ -8,7 +8,7 @@ from ddf.core import shipped_models
 from ddf.data import shapenet
 from ddf.data.synthetic import write
 from ddf.models import line_field, out_of_distribution
-from ddf_lab import other_kinds
+from ddf_lab.evaluation import other_kinds
 
 
 @pytest.mark.parametrize(("kind", "other"), [("chair", "car"), ("car", "chair")])
