@@ -116,9 +116,11 @@ def _folder(path: Path) -> Sensed:
     if (path / "transforms.json").is_file():
         kind, frames = "nerfstudio's depth images", list(_nerfstudio(path))
     elif (path / "groundtruth.txt").is_file():
-        kind, frames = "TUM's depth images", list(_tum(path))
+        intrinsics, whose = _intrinsics(path)
+        kind, frames = f"TUM's depth images, intrinsics of {whose}", list(_tum(path, intrinsics))
     elif logs := sorted(path.glob("*.log")):
-        kind, frames = "Redwood's depth images", list(_redwood(path, logs[0]))
+        intrinsics, whose = _intrinsics(path)
+        kind, frames = f"Redwood's depth images, intrinsics of {whose}", list(_redwood(path, logs[0], intrinsics))
     else:
         files = sorted(each for each in path.iterdir() if each.suffix.lower() in (".npz", ".png"))
         if not files:
@@ -170,10 +172,11 @@ def _steps(file: Path) -> Num[np.ndarray, "h w"]:
 def _nerfstudio(path: Path) -> Iterator[_Frame]:
     file = path / "transforms.json"
     said = storage.read_json(file)
-    if not isinstance(said, dict) or not isinstance(said.get("frames"), list):
-        raise checks.InputError(f"{file}: must be an object with frames")
+    frames = said.get("frames") if isinstance(said, dict) else None
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise checks.InputError(f"{file}: must be an object with frames, which are objects")
     step = said.get("depth_unit_scale_factor", said.get("integer_depth_scale", _MILLIMETRES))
-    for frame in said["frames"]:
+    for frame in frames:
         own = said | frame
         if "depth_file_path" in frame:
             names = ("fl_x", "fl_y", "cx", "cy", "w", "h")
@@ -185,10 +188,10 @@ def _nerfstudio(path: Path) -> Iterator[_Frame]:
             yield _Frame(path / own["depth_file_path"], float(step), _matrix(fx, fy, cx, cy), pose, (w, h))
 
 
-def _tum(path: Path) -> Iterator[_Frame]:
+def _tum(path: Path, intrinsics: Float[np.ndarray, "3 3"]) -> Iterator[_Frame]:
     truth, images = path / "groundtruth.txt", _lines(path / "depth.txt")
     poses = _table(truth, _lines(truth), 8)
-    times, intrinsics = poses[:, 0], _intrinsics(path)
+    times = poses[:, 0]
     for line in images:
         when, _, name = line.partition(" ")
         time = float(_table(path / "depth.txt", [when], 1)[0, 0])
@@ -199,11 +202,10 @@ def _tum(path: Path) -> Iterator[_Frame]:
             yield _Frame(path / name.strip(), _TUM_STEP, intrinsics, pose)
 
 
-def _redwood(path: Path, log: Path) -> Iterator[_Frame]:
+def _redwood(path: Path, log: Path, intrinsics: Float[np.ndarray, "3 3"]) -> Iterator[_Frame]:
     images, lines = sorted((path / "depth").glob("*.png")), _lines(log)
     if len(lines) % 5:
         raise checks.InputError(f"{log}: a trajectory has five lines a pose; got {len(lines)}")
-    intrinsics = _intrinsics(path)
     for first in range(0, len(lines), 5):
         number = int(_table(log, lines[first : first + 1], None)[0, 0])
         if not 0 <= number < len(images):
@@ -240,17 +242,18 @@ def _rotation(xyzw: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
     )
 
 
-def _intrinsics(path: Path) -> Float[np.ndarray, "3 3"]:
-    """Of a folder whose layout has none of its own."""
+def _intrinsics(path: Path) -> tuple[Float[np.ndarray, "3 3"], str]:
+    """Of a folder whose layout has none of its own, and whose they are."""
     for file in sorted(path.glob("*.json")):
         said = storage.read_json(file)
         if isinstance(said, dict) and "intrinsic_matrix" in said:
             by_columns = checks.require_numbers(f"{file}: intrinsic_matrix", said["intrinsic_matrix"], (9,))
             matrix = by_columns.reshape(3, 3).T
             matrix[:2, 2] += 0.5
-            return matrix
-    found = next((known for name, known in _TUM.items() if name in path.resolve().name), _PRIMESENSE)
-    return _matrix(*found[:2], found[2] + 0.5, found[3] + 0.5)
+            return matrix, file.name
+    known = {name: own for name, own in _TUM.items() if name in path.resolve().name}
+    (whose, found), *_ = [*known.items(), ("PrimeSense (a guess: put Open3D's intrinsic_matrix beside)", _PRIMESENSE)]
+    return _matrix(*found[:2], found[2] + 0.5, found[3] + 0.5), whose
 
 
 def _matrix(fx: float, fy: float, cx: float, cy: float) -> Float[np.ndarray, "3 3"]:

@@ -65,8 +65,9 @@ def test_tum_without_a_camera_file_has_that_of_its_name(tmp_path: Path) -> None:
     Image.fromarray(np.full((480, 640), 5000, np.uint16)).resize((640, 480)).save(_made(folder / "depth") / "1.png")
     (folder / "depth.txt").write_text("1.0 depth/1.png\n")
     (folder / "groundtruth.txt").write_text("1.0 0 0 0 0 0 0 1\n")
-    points = posed_depth.read(folder).scan.points
-    assert np.allclose(points[0], [-318.6 / 517.3, -255.3 / 516.5, 1])
+    found = posed_depth.read(folder)
+    assert np.allclose(found.scan.points[0], [-318.6 / 517.3, -255.3 / 516.5, 1]) and "of freiburg1" in found.told
+    assert "a guess" in posed_depth.read(folder.rename(tmp_path / "room")).told
 
 
 def _made(folder: Path) -> Path:
