@@ -217,7 +217,7 @@ def read(path):
     return [scan.positions, scan.directions, scan.ranges]
 
 
-def trial(make, rng, folder):
+def _trial(make, rng, folder):
     """One file: whether it was refused."""
     path, wanted = make(rng, folder / "scan")
     begin = time.process_time()
@@ -241,5 +241,5 @@ KINDS = (rays, depth, points, png, pose)
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 @pytest.mark.parametrize("make", KINDS, ids=lambda make: make.__name__)
 def test_broken_scans_are_what_they_were_or_refused_in_one_line(make, tmp_path):
-    refused = sum(trial(make, np.random.default_rng(seed), tmp_path) for seed in range(COUNT))
+    refused = sum(_trial(make, np.random.default_rng(seed), tmp_path) for seed in range(COUNT))
     assert COUNT / 8 < refused < 7 * COUNT / 8

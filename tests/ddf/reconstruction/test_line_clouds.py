@@ -42,7 +42,7 @@ def test_three_views_of_one_image_are_that_image():
     images = _hand_made.images()
     rows = three_views.first_three(images)
     assert all(len(own) == 3 and len(set(images.shapes[own])) == 1 for own in rows.values())
-    same = dataclasses.replace(images, shapes=np.zeros(6, dtype=int), images=[images.images[0]] * 6)
+    same = dataclasses.replace(images, shapes=np.zeros(6, dtype=int), images=images.images[:1].repeat(6, 1, 1, 1))
     same = dataclasses.replace(same, cameras=images.cameras[:1].repeat(6, 1))
     model = _model()
     tensors, facts = three_views.of_features(model, same, POINTCLOUDS)
