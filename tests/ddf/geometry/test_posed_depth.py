@@ -29,7 +29,7 @@ def open3d_camera(folder: Path) -> None:
     (folder / "camera.json").write_text(json.dumps(camera))
 
 
-def check_wall(found: posed_depth.Sensed) -> None:
+def _check_wall(found: posed_depth.Sensed) -> None:
     """Both images, symmetric about the optical axis, on the wall."""
     scan = found.scan
     assert found.frames == 2 and len(scan.ranges) == 2 * (HEIGHT * WIDTH - 1)
@@ -49,7 +49,7 @@ def test_tum(tmp_path: Path) -> None:
     poses = ["# timestamp tx ty tz qx qy qz qw", "1.4900 0 0 0 0 0 0 1", "2.5100 0.25 0 0 0 0 0 1"]
     (tmp_path / "groundtruth.txt").write_text("\n".join(poses))
     open3d_camera(tmp_path)
-    check_wall(posed_depth.read(tmp_path))
+    _check_wall(posed_depth.read(tmp_path))
 
 
 def test_quaternions_turn_as_tum_says(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_nerfstudio(tmp_path: Path) -> None:
         frames[-1]["transform_matrix"] = pose.tolist()
     camera = {"fl_x": 2 * FOCAL, "fl_y": 2 * FOCAL, "cx": WIDTH, "cy": HEIGHT, "w": 2 * WIDTH, "h": 2 * HEIGHT}
     (tmp_path / "transforms.json").write_text(json.dumps({**camera, "frames": frames}))  # of images twice as fine
-    check_wall(posed_depth.read(tmp_path))
+    _check_wall(posed_depth.read(tmp_path))
 
 
 def test_redwood(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_redwood(tmp_path: Path) -> None:
         lines += [f"{i} {i} {i + 1}", *(" ".join(f"{value:.8f}" for value in row) for row in pose)]
     (tmp_path / "trajectory.log").write_text("\n".join(lines))
     open3d_camera(tmp_path)
-    check_wall(posed_depth.read(tmp_path))
+    _check_wall(posed_depth.read(tmp_path))
 
 
 def test_scans_in_a_folder_are_one(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_scans_in_a_folder_are_one(tmp_path: Path) -> None:
         place = np.eye(4)
         place[:3, 3] = eye
         np.savez(tmp_path / f"{i}.npz", depth=depth, intrinsics=matrix, camera_to_scan=place)
-    check_wall(posed_depth.read(tmp_path))
+    _check_wall(posed_depth.read(tmp_path))
 
 
 def test_many_pixels_are_thinned_about_the_same_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
