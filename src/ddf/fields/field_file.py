@@ -45,8 +45,8 @@ class FieldFile:
 
 
 def file_of(path: Path) -> Path:
-    """The path itself, or the file of the folder that it is."""
-    return path if path.is_file() or path.name == MODEL else path / MODEL
+    """The path itself, or the file of the folder that it is; of an ONNX file, which has no weights of ours, none."""
+    return path if (path.is_file() and path.suffix != ".onnx") or path.name == MODEL else path / MODEL
 
 
 def read(path: Path) -> FieldFile:
