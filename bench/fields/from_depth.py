@@ -157,10 +157,7 @@ def of_field(field: patch_field.PatchField) -> Ask:
 
 def patches(scan: scans.Scan) -> patch_field.PatchField:
     """As `ddf fit` makes them of rays."""
-    fused = fused_rays.fuse(scan)
-    mesh, own_from_mesh = fitting.in_cube(fused.mesh)
-    config = octree.PatchConfig(patch_fitting.tolerance_of(fused.noise * own_from_mesh.scale))
-    return patch_field.of(*patch_field.fitted(mesh, own_from_mesh, config, fused.evidence))
+    return patch_field.of(*patch_fitting.of_fused(fused_rays.fuse(scan)))
 
 
 def rivals(case: Case) -> Iterator[tuple[str, dict[str, Any], Callable[[], mesh_io.Mesh]]]:

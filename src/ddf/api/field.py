@@ -264,13 +264,13 @@ def fit(
         settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
         if rays is not None:
-            sensed = None if isinstance(rays, scans.Scan) else posed_depth.read(Path(rays))
-            scan, open_ = (rays, False) if sensed is None else (sensed.scan, not sensed.sensed)
-            patch_fitting.fit_rays(scan, tolerance, Path(folder), sensed=not open_)
+            of_scan = isinstance(rays, scans.Scan)
+            found = posed_depth.Sensed(rays, "a scan", 1) if of_scan else posed_depth.read(Path(rays))
+            patch_fitting.fit_rays(found.scan, tolerance, Path(folder), sensed=found.sensed)
         elif network:
             fitting.fit(meshes.as_mesh(mesh), settings, Path(folder))
         else:
-            config = octree.PatchConfig() if tolerance is None else octree.PatchConfig.within(float(tolerance))
+            config = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
             patch_fitting.fit(meshes.as_mesh(mesh), config, Path(folder))
         shape = _torch_field(Path(folder))
     return Field(shape, lambda: shape, None if out is None else Path(out))

@@ -1,8 +1,8 @@
 """Commands about one field: fit it, ask it, draw points and triangles on it."""
 
 import dataclasses
+import logging
 import os
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -76,7 +76,7 @@ def fit(
     if kind != "sine" and not of_sine:
         from ddf.fields.grid import octree
 
-        patches = octree.PatchConfig() if tolerance is None else octree.PatchConfig.within(tolerance)
+        patches = octree.PatchConfig.within(tolerance)
         loaded = mesh_io.load_surface(mesh)
         result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
         spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
@@ -105,13 +105,11 @@ def _of_rays(source: Path, out: Path, tolerance: float | None, force: bool) -> d
     from ddf.fit import patch_fitting
     from ddf.geometry import posed_depth
 
-    def tell(line: str) -> None:
-        sys.stderr.write(f"{line}\n")
-
+    results.show_parts()
     found = posed_depth.read(source)
-    tell(found.told)
+    logging.getLogger(__name__).info(found.told)
     sources = {source.name: storage.checksum(source)}
-    result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force, tell=tell)
+    result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force)
     already, errors = result.pop("already"), result["held_out"]
     spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
     return {

@@ -119,8 +119,6 @@ def reconstruct(
       ddf reconstruct chair_model/sample_0.png chair_model/sample_1.png chair my_chairs
       ddf reconstruct 1.png 2.png 3.png artifacts/real/train_ddf_image/chair mine --together --cameras transforms.json
     """
-    import logging
-
     from ddf import cli
     from ddf.api import reconstruction
     from ddf.core import checks
@@ -129,8 +127,7 @@ def reconstruct(
         raise checks.InputError("--mask is of one picture; give one")
     groups = [images] if together else [[image] for image in images]
     outs = [out] if together else _folders(images, out)
-    logging.basicConfig(format="%(message)s")
-    logging.getLogger("ddf").setLevel(logging.INFO)  # a line for each part
+    results.show_parts()
     of = reconstruction.reconstructor(model, known)
     made = []
     for group, folder in zip(groups, outs, strict=True):

@@ -4,6 +4,7 @@ What is not known, the mean of nothing say, is NaN in Python, null in JSON and "
 """
 
 import json
+import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -24,6 +25,12 @@ def text(result: Mapping[str, Any]) -> str:
     shown = result.get("table", {key: value for key, value in result.items() if key not in FOR_PEOPLE})
     lines = list(shown) if isinstance(shown, list) else _lines(shown)
     return "\n".join([*lines, *([result["verdict"]] if "verdict" in result else [])]) + "\n"
+
+
+def show_parts() -> None:
+    """Show what the package logs of its parts on stderr, a line each."""
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("ddf").setLevel(logging.INFO)
 
 
 def grid(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:

@@ -28,9 +28,8 @@ LOSS_TO_TELL = 0.02  # of the diagonal: a larger Hausdorff distance is said in t
 THIN = 6  # offsets: the wrap of a sheet is two to four thick, on average
 _SHARP = np.cos(np.radians(30.0))  # between the normals of two triangles: their edge is a feature
 _MOST_PROBES = 200_000  # vertices and points on sharp edges each
-OVERLAP = (
-    0.95  # good roots have 1.00; shapes that look alike from all sides may pass in a wrong one, a root of them not
-)
+# Good roots have 1.00; shapes that look alike from all sides may pass in a wrong one, a root of them not.
+OVERLAP = 0.95
 _OPAQUE = 128  # of 255
 
 

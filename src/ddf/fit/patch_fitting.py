@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
@@ -75,13 +74,12 @@ def fit_rays(
     *,
     sensed: bool = True,
     force: bool = False,
-    tell: Callable[[str], object] = LOGGER.info,
 ) -> dict[str, Any]:
     """As `fit`, of the surface that rays have in common, `fused_rays.fuse`; what they saw is told by `PatchField.seen`.
 
     Args:
       tolerance: of patches, of half the longest side; None: `OF_NOISE` of the noise, or that of meshes if it is more.
-      sensed: whether the rays tell what is free, and not only where the surface is. tell: given what the rays tell.
+      sensed: whether the rays tell what is free, and not only where the surface is.
     Returns:
       As `fit`; held_out is of `HELD_OUT` of the rays, which the field is not fitted to: `ray_errors`. And noise:
       deviation of hits across the surface; seen: share of the box that rays passed through; both in fit.json.
@@ -92,33 +90,29 @@ def fit_rays(
     def make() -> _Made:
         random = np.random.default_rng(0)
         kept = random.random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
-        fused = fused_rays.fuse(_some(scan, kept), sensed)
-        mesh, own_from_mesh = fitting.in_cube(fused.mesh)
-        seen, size = float(fused.passed.mean()), 2 / own_from_mesh.scale
-        tell(
-            f"cells of {fused.cell:.3g}, hits {fused.noise:.2g} off the surface (deviation); rays passed "
-            f"{seen:.0%} of the space around"
+        fused = fused_rays.fuse(scan.some(kept), sensed)
+        seen = float(fused.passed.mean())
+        LOGGER.info(
+            "cells of %.3g, hits %.2g off the surface (deviation); rays passed %.0f%% of the space around",
+            *(fused.cell, fused.noise, 100 * seen),
         )
-        least = tolerance_of(fused.noise * own_from_mesh.scale)
-        config = octree.PatchConfig(least if tolerance is None else tolerance)
 
         def errors(field: patch_field.PatchField) -> dict[str, Any]:
-            off = OFF * size + SIGMAS * fused.noise
-            return {"held_out": ray_errors(field, _some(scan, ~kept), off), "noise": fused.noise, "seen": seen}
+            off = OFF * float(np.ptp(fused.mesh.box(), axis=0).max()) + SIGMAS * fused.noise
+            return {"held_out": ray_errors(field, scan.some(~kept), off), "noise": fused.noise, "seen": seen}
 
-        return patch_field.fitted(mesh, own_from_mesh, config, fused.evidence), errors
+        return of_fused(fused, tolerance), errors
 
     told = (scan.positions, scan.directions, scan.ranges)
     return _written(["rays", tolerance, sensed], told, out_dir, source, force, make)
 
 
-def tolerance_of(noise: float) -> float:
-    """Of patches of rays whose hits are so far off the surface, half longest sides."""
-    return max(octree.PatchConfig().tolerance, OF_NOISE * noise)
-
-
-def _some(scan: scans.Scan, kept: Bool[np.ndarray, "n"]) -> scans.Scan:
-    return scans.Scan(scan.positions[kept], scan.directions[kept], scan.ranges[kept])
+def of_fused(fused: fused_rays.Fused, tolerance: float | None = None) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Patches of what rays have in common, as of `patch_field.fitted`; tolerance as of `fit_rays`."""
+    mesh, own_from_mesh = fitting.in_cube(fused.mesh)
+    least = max(octree.PatchConfig.tolerance, OF_NOISE * fused.noise * own_from_mesh.scale)
+    config = octree.PatchConfig(least if tolerance is None else tolerance)
+    return patch_field.fitted(mesh, own_from_mesh, config, fused.evidence)
 
 
 def ray_errors(field: framed_field.FramedField, scan: scans.Scan, off: float) -> dict[str, float]:

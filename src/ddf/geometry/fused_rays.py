@@ -116,7 +116,7 @@ def without_strays(scan: scans.Scan) -> scans.Scan:
         if len(kept) >= FEWEST:
             chosen = ~scan.hit
             chosen[kept] = True
-            return scans.Scan(scan.positions[chosen], scan.directions[chosen], scan.ranges[chosen])
+            return scan.some(chosen)
     raise checks.InputError(f"{len(points)} of {len(scan.ranges)} rays met something: too few for a surface")
 
 

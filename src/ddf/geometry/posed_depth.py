@@ -129,8 +129,7 @@ def _folder(path: Path) -> Sensed:
         return Sensed(_joined([scans.read(each) for each in files]), "scans", len(files))
     if not frames:
         raise checks.InputError(f"{path}: none of its depth images has a pose")
-    images = [_steps(frame.file) for frame in frames[:1]]
-    every = math.ceil(math.sqrt(len(frames) * images[0].size / _MOST))
+    every = math.ceil(math.sqrt(len(frames) * _steps(frames[0].file).size / _MOST))
     return Sensed(_joined([_frame(each, every) for each in frames]), kind, len(frames))
 
 

@@ -80,6 +80,10 @@ class Scan:
         """Where they met it."""
         return rays.surface_points(self.positions[self.hit], self.directions[self.hit], self.ranges[self.hit])
 
+    def some(self, kept: Bool[np.ndarray, "n"]) -> "Scan":
+        """The scan of some of its rays, without remarks."""
+        return Scan(self.positions[kept], self.directions[kept], self.ranges[kept], of_camera=self.of_camera)
+
 
 def of_rays(
     positions: Float[np.ndarray, "*_ 3"], directions: Float[np.ndarray, "*_ 3"], ranges: Float[np.ndarray, "*_"]

@@ -151,8 +151,10 @@ class PatchConfig:
             )
 
     @classmethod
-    def within(cls, tolerance: float) -> "PatchConfig":
-        """The default's patches and depth, and more where that tolerance asks for more: 103,923 and 7 of 1e-4."""
+    def within(cls, tolerance: float | None) -> "PatchConfig":
+        """The default, and more patches and depth where a tolerance asks for more: 103,923 and 7 of 1e-4."""
+        if tolerance is None:
+            return cls()
         finer = max(1.0, cls.tolerance / max(tolerance, 1e-6))
         return cls(tolerance, round(cls.patches * finer**0.5), cls.depth + round(math.log2(finer) / 2))
 
