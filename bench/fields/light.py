@@ -117,10 +117,8 @@ def scores(scene: raycast.Scene, asks: Mapping[str, Depths], size: int) -> dict[
 
 
 def meshes(folder: Path | None, count: int) -> Iterator[tuple[str, mesh_io.Mesh]]:
-    """So many, evenly over the shapes that `ddf shapes get` fetched, or over a folder's PLY files, in a mixed order.
-
-    Raises:
-      InputError: there are fewer.
+    """So many, evenly over the shapes that `ddf shapes get` fetched, or over a folder's PLY files, in a mixed order;
+    InputError where there are fewer.
     """
     rows = sorted(manifest.rows(), key=lambda row: (row.category, row.id)) if folder is None else []
     files = [] if folder is None else sorted(folder.rglob("*.ply"))

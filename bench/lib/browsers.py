@@ -17,11 +17,7 @@ _HOW: dict[str, dict[str, Any]] = {
 
 @contextlib.contextmanager
 def driver() -> Iterator[Any]:
-    """Playwright, which takes Firefox as it is.
-
-    Raises:
-      ImportError: there is no Playwright.
-    """
+    """Playwright, which takes Firefox as it is; ImportError where there is none."""
     from playwright import sync_api
 
     before = os.environ.get("NODE_OPTIONS", "")
@@ -34,11 +30,7 @@ def driver() -> Iterator[Any]:
 
 
 def launched(driver: Any, name: str) -> Any:
-    """A browser.
-
-    Raises:
-      FileNotFoundError: it is not on this machine; says what installs it.
-    """
+    """A browser; FileNotFoundError, which says what installs it, where this machine has none."""
     program = next(filter(None, map(shutil.which, PROGRAMS[name])), None)
     if program is None:
         raise FileNotFoundError(f"needs {name}: apt-get install {PROGRAMS[name][0]}")

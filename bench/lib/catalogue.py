@@ -47,11 +47,7 @@ def _entry(file: Path, place: Path) -> Entry | None:
 
 
 def chosen(names: Sequence[str]) -> list[Entry]:
-    """Those of the names; without names all that `make bench` makes.
-
-    Raises:
-      InputError: there is none of a name.
-    """
+    """Those of the names; without names all that `make bench` makes. InputError where there is none of a name."""
     known = entries()
     for name in names:
         if name not in known:

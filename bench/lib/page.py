@@ -60,11 +60,7 @@ def table(record: Mapping[str, Any], names: Sequence[str] = ()) -> pages.Table:
 
 
 def page(folder: Path) -> pages.Page:
-    """Of every benchmark that has a file there.
-
-    Raises:
-      InputError: none has.
-    """
+    """Of every benchmark that has a file there; InputError where none has."""
     found = {file.stem: storage.read_json(file) for file in sorted(folder.glob("*.json"))}
     if not found:
         raise checks.InputError(f"{folder}: holds no results; `make bench` writes them")

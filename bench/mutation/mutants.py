@@ -38,11 +38,7 @@ class Mutant:
     tests: Sequence[str]
 
     def changed(self, root: Path) -> str:
-        """The text of its file below `root`, with the fault.
-
-        Raises:
-          InputError: what it changes is not there, or not once.
-        """
+        """The text of its file below `root`, with the fault; InputError where what it changes is not there once."""
         text = (root / "src" / self.file).read_text(encoding="utf-8")
         if text.count(self.old) != 1:
             raise checks.InputError(f"{self.file}: {self.old!r} is there {text.count(self.old)} times; say it anew")

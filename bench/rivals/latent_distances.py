@@ -208,11 +208,7 @@ class Completer:
 def cloud(
     model: LatentDistances, latent: Float[Tensor, "1 z"], count: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "count 3"]:
-    """Points spread evenly over where f = `SKIN`, moved back by it.
-
-    Raises:
-      InputError: nowhere.
-    """
+    """Points spread evenly over where f = `SKIN`, moved back by it; InputError where it is nowhere."""
     modulations = [each[0] for each in model.modulator(latent)]
 
     def outward(positions: Float[np.ndarray, "n 3"]) -> tuple[Tensor, Tensor]:

@@ -123,11 +123,7 @@ def split(
 
 
 def read_listing(source: Path) -> dict[str, list[str]]:
-    """{synset: ids} from a JSON file, or from the folders of a ShapeNet root.
-
-    Raises:
-      InputError: neither is there, or the file holds something else; it is named.
-    """
+    """{synset: ids} from a JSON file, or from the folders of a ShapeNet root."""
     from ddf.core import checks, storage
     from ddf.data import shapenet
 

@@ -165,11 +165,7 @@ def threads_of(configured: int, asked: int | None, timed: bool) -> int:
 
 
 def load(path: Path, outputs: "set[str] | tuple[str, ...]") -> "framed_field.FramedField":
-    """The field of a file or a folder: by its ONNX file, which starts faster, where that gives all outputs asked for.
-
-    Raises:
-      FileNotFoundError, InputError: there is no such field, or it is damaged.
-    """
+    """The field of a file or a folder: by its ONNX file, which starts faster, where that gives all asked for."""
     file = path / ONNX if path.is_dir() else path
     if file.suffix == ".onnx" and file.is_file():
         from ddf.io import onnx_field

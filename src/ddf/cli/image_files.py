@@ -63,11 +63,7 @@ def npz(arrays: "Mapping[str, np.ndarray]") -> bytes:
 
 
 def write_exr(path: Path, images: "Mapping[str, Float[np.ndarray, 'height width ...']]") -> None:
-    """Images as float32 channels of one OpenEXR file: `depth`, `normals.X`, `normals.Y`, ...
-
-    Raises:
-      InputError: the package OpenEXR is not installed.
-    """
+    """Images as float32 channels of one OpenEXR file: `depth`, `normals.X`, `normals.Y`, ..."""
     import numpy as np
 
     from ddf.core import checks, storage

@@ -247,10 +247,8 @@ def view(
 
 
 def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
-    """The page of a field, of a scene file, or of what a model makes of a picture; of several side by side.
-
-    Raises:
-      FileNotFoundError, InputError: one of them is missing or damaged; or what must stand alone does not.
+    """The page of a field, of a scene file, or of what a model makes of a picture; of several side by side. InputError
+    where what must stand alone does not.
     """
     from ddf.api import scene as scenes
     from ddf.core import checks

@@ -88,9 +88,7 @@ def load(path: str | Path, name: str, cls: type[T]) -> T:
 
 def layers(path: str | Path) -> Layers:
     """What a file gives, and those that it builds on: `base: NAME` is a file beside it, in configs/ or of the package.
-
-    Raises:
-      InputError: a file has no sections, or there is no such base.
+    InputError where there is none.
     """
     found: Layers = {}
     files: list[Path] = []
@@ -128,9 +126,7 @@ def found_file(given: str | Path) -> Path:
 
 def resolve(given: Layers, name: str, cls: type[T]) -> T:
     """A section: the defaults of its dataclass, and what each layer gives in place of them, the last one last.
-
-    Raises:
-      InputError: naming file and key, for anything that does not fit.
+    InputError names file and key of what does not fit.
     """
     found = cls()
     for where, section in given.get(name, ()):
@@ -139,11 +135,7 @@ def resolve(given: Layers, name: str, cls: type[T]) -> T:
 
 
 def read_yaml(path: str | Path) -> Any:
-    """What a YAML file of up to 200 kB holds.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is too large, no text, or no YAML; it is named.
-    """
+    """What a YAML file of up to 200 kB holds."""
     checks.require_content(path)
     try:
         with Path(path).open("rb") as file:

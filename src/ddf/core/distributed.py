@@ -82,11 +82,7 @@ def _join() -> None:
 
 
 def part(size: int) -> slice:
-    """Which of the `size` images of a step are this process's.
-
-    Raises:
-      InputError: they cannot be shared equally.
-    """
+    """Which of the `size` images of a step are this process's; InputError where they cannot be shared equally."""
     if size % count():
         raise checks.InputError(f"train.batch_size must be a multiple of the {count()} processes; got {size}")
     each = size // count()
@@ -113,11 +109,7 @@ def means(values: Mapping[str, Float[Tensor, ""]]) -> Mapping[str, Float[Tensor,
 
 
 def check_same(name: str, value: str) -> None:
-    """Raise unless `value` is the same on all processes.
-
-    Raises:
-      InputError: on every process, if not on one.
-    """
+    """Raise unless `value` is the same on all processes; every process raises InputError."""
     if count() == 1:
         return
     said = [""] * count()

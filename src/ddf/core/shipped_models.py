@@ -42,8 +42,6 @@ def require(name_or_path: str | Path, *kinds: str) -> Path:
 
     Args:
       kinds: of the models that are meant, for the complaint.
-    Raises:
-      FileNotFoundError: no such path, and no model of that name.
     """
     path = place(name_or_path)
     if not path.exists():

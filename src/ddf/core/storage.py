@@ -155,12 +155,7 @@ def save_tensors(path: str | Path, tensors: Mapping[str, Any], metadata: Mapping
 def load_tensors(
     path: str | Path, framework: Literal["numpy", "torch"] = "numpy"
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Arrays and metadata of a file from `save_tensors`, checksum verified; torch tensors are memory-mapped.
-
-    Raises:
-      FileNotFoundError: there is no such file.
-      InputError: the file is damaged, or was not written by `save_tensors`; it is named.
-    """
+    """Arrays and metadata of a file from `save_tensors`, checksum verified; torch tensors are memory-mapped."""
     with _opened(path, "pt" if framework == "torch" else "numpy") as file:
         record = _parsed((file.metadata() or {})["ddf"], path)
         tensors = {name: file.get_tensor(name) for name in file.keys()}
@@ -173,9 +168,6 @@ def load_tensors(
 def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
     """Arrays of a file from `save_tensors` as views of the mapped file: only what is read of them takes memory, and
     nothing is verified. The map ends with the last view.
-
-    Raises:
-      FileNotFoundError, InputError: as `load_tensors`, but damage inside the arrays goes unnoticed.
     """
     with _opened(path, "pt") as file:
         return {name: file.get_tensor(name).numpy() for name in file.keys()}
@@ -252,10 +244,8 @@ def load_table(path: str | Path, **options: Any) -> tuple["pd.DataFrame", dict[s
 
 
 def shard_files(folder: str | Path, suffix: str, stage: str) -> list[Path]:
-    """The files of one kind that the shards of a folder wrote, in order, as their notes `NNN.json` name them.
-
-    Raises:
-      FileNotFoundError: no shard of the folder wrote such a file; the message names `stage`, which makes them.
+    """The files of one kind that the shards of a folder wrote, in order, as their notes `NNN.json` name them;
+    FileNotFoundError, where there are none, names `stage`, which makes them.
     """
     folder = Path(folder)
     records = sorted(folder.glob(RECORDS))

@@ -65,11 +65,7 @@ def read(path: Path, mask: Path | None = None, background: str = "auto") -> UInt
 
 
 def colour(background: str) -> tuple[int, int, int] | None:
-    """RGB of `--background`; None where the rim tells it.
-
-    Raises:
-      InputError: no such colour.
-    """
+    """RGB of `--background`; None where the rim tells it. InputError where there is no such colour."""
     if background in ("auto", "border"):
         return None
     try:

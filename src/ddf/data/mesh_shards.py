@@ -47,11 +47,7 @@ class PreparedPack:
 
 
 def raw_shapes(index_path: Path, category: str) -> list[RawShape]:
-    """The category's shapes in the order of the data set.
-
-    Raises:
-      InputError: an unknown category, or a shape without its mesh file.
-    """
+    """The category's shapes in the order of the data set."""
     from ddf.data import shapenet  # takes torch, which what reads packs alone does without
 
     index = storage.read_json(index_path)

@@ -131,10 +131,8 @@ def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:
 
 
 def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
-    """Depths as uint16; `inf` becomes the code of a miss.
-
-    Raises:
-      InputError: a finite depth is negative or longer than the box's diagonal.
+    """Depths as uint16; `inf` becomes the code of a miss. InputError where another is below 0 or beyond the box's
+    diagonal.
     """
     steps = np.rint(depth / DEPTH_STEP)
     codes = np.minimum(steps, MISS)

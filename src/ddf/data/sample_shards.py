@@ -31,11 +31,7 @@ class PreparedShape:
 
 
 def prepared_shapes(folder: Path, raw: Sequence[mesh_shards.RawShape]) -> list[PreparedShape]:
-    """The shapes that the packs of a folder hold, in the order of the data set.
-
-    Raises:
-      FileNotFoundError: no packs there: the stage before has not run.
-    """
+    """The shapes that the packs of a folder hold, in the order of the data set."""
     packs = sorted(folder.glob(f"*{mesh_shards.SUFFIX}"))
     if not packs:
         raise FileNotFoundError(f"{folder}: no prepared meshes; run stage meshes first")

@@ -82,11 +82,7 @@ def image_path(root: Path, synset: str, shape_id: str, view: int) -> Path:
 
 
 def list_shapes(root: Path, synset: str) -> list[str]:
-    """Ids of all shapes of a class that have a folder of renders, sorted as strings.
-
-    Raises:
-      InputError: no such root, or it has no renders of this class.
-    """
+    """Ids of all shapes of a class that have a folder of renders, sorted as strings."""
     folder = _renders(root) / check_name(synset, str(root))
     if not folder.is_dir():
         raise checks.InputError(f"{folder}: no such folder; unpack the 3D-R2N2 renders of class {synset} there")
@@ -99,11 +95,7 @@ def list_shapes(root: Path, synset: str) -> list[str]:
 
 
 def list_classes(root: Path) -> list[str]:
-    """Synsets of all classes that have renders, sorted.
-
-    Raises:
-      InputError: no classes, or a folder that is neither a synset nor what computers leave behind.
-    """
+    """Synsets of all classes that have renders, sorted; InputError where there are none, or another folder."""
     folder = _renders(root)
     synsets = _folders(folder)
     unknown = [name for name in synsets if not _SYNSET.fullmatch(name)]
@@ -145,10 +137,8 @@ def require_flat(folder: Path) -> None:
 
 
 def read_cameras(folder: Path) -> Float[np.ndarray, "views 3"]:
-    """Azimuth and elevation in degrees and ratio in benchmark units, one row per view, from a shape's metadata file.
-
-    Raises:
-      InputError: the file is missing, or a line is not "azimuth elevation 0 ratio 25"; file and line are named.
+    """Azimuth and elevation in degrees and ratio in benchmark units, one row per view, from a shape's metadata file;
+    InputError names file and line.
     """
     path = folder / METADATA
     if not path.is_file():
@@ -175,11 +165,7 @@ def _camera(line: str, where: str) -> tuple[float, float, float]:
 
 
 def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
-    """A render in [0, 1], RGBA, resized with antialiasing (weighted by alpha); RGB is 0 where alpha is 0.
-
-    Raises:
-      InputError: the file is missing, damaged, not 137 x 137, or has no alpha; it is named.
-    """
+    """A render in [0, 1], RGBA, resized with antialiasing (weighted by alpha); RGB is 0 where alpha is 0."""
     if not path.is_file():
         raise checks.InputError(f"{path}: no such image; unpack the renders of this shape again (00.png to 23.png)")
     try:

@@ -86,10 +86,8 @@ class CheckedCloud:
 
 
 def draw(field: framed_field.FramedField, count: int = COUNT, seed: int = 0) -> CheckedCloud:
-    """The surest of `count` hits, mesh frame; on a fitted field about a quarter.
-
-    Raises:
-      InputError: the field sees nothing, or is sure of none.
+    """The surest of `count` hits, mesh frame; on a fitted field about a quarter. InputError where it sees nothing, or
+    is sure of none.
     """
     random, found, total, batch, asked = np.random.default_rng(seed), [], 0, _FIRST_BATCH, 0
     for _ in range(_MOST_BATCHES):

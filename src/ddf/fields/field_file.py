@@ -27,10 +27,8 @@ class FieldFile:
     record: dict[str, Any]
 
     def layers(self) -> list[tuple[Float[np.ndarray, "out in"], Float[np.ndarray, "out"], float]]:
-        """Weights, biases and ω of each sine layer; the head last, with ω = 1.
-
-        Raises:
-          InputError: the file is damaged, or holds another architecture.
+        """Weights, biases and ω of each sine layer; the head last, with ω = 1. InputError where the file holds another
+        architecture.
         """
         tensors, count = storage.load_tensors(self.file)[0], len(self.config["hidden"])
         omegas = [self.config["omega_first"], *[self.config["omega_hidden"]] * (count - 1), 1.0]
@@ -50,11 +48,7 @@ def file_of(path: Path) -> Path:
 
 
 def read(path: Path) -> FieldFile:
-    """A field's record, from its file or the folder that `ddf fit` wrote.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
-    """
+    """A field's record, from its file or the folder that `ddf fit` wrote."""
     file = file_of(path)
     if not file.exists():
         raise FileNotFoundError(f"{file}: no such field; give a folder that `ddf fit` wrote")

@@ -99,11 +99,7 @@ OUTPUTS: dict[str, Output] = {
 
 
 def require(asked: Collection[str], known: Sequence[str] = tuple(OUTPUTS)) -> tuple[str, ...]:
-    """What is asked for, as a tuple.
-
-    Raises:
-      InputError: nothing, one twice, or one that is not known.
-    """
+    """What is asked for, as a tuple; InputError where it is nothing, one twice, or one that is not known."""
     from ddf.core import checks, errors  # take numpy, which help does without
 
     unknown = [name for name in asked if name not in known]

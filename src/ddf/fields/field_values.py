@@ -123,11 +123,7 @@ def evaluate(
     asked: Collection[str],
     modulations: Sequence[Float[Tensor, "1 _"]] | None = None,
 ) -> dict[str, Tensor]:
-    """Named outputs in the field frame, what the field says there whether or not it says that anything is visible.
-
-    Raises:
-      InputError: none, or an unknown one.
-    """
+    """Named outputs in the field frame, what the field says there whether or not it says that anything is visible."""
     names = field_outputs.require(asked)
     values = FieldValues(field, positions, directions, modulations, names)
     return {name: field_outputs.OUTPUTS[name].compute(values) for name in names}

@@ -73,11 +73,7 @@ def record_of(file: Path) -> Iterator[None]:
 
 
 def corners(lower: Any, upper: Any) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """The corners of a box as a record has them.
-
-    Raises:
-      ValueError: they are none, or span nothing.
-    """
+    """The corners of a box as a record has them; ValueError where they are none, or span nothing."""
     low, high = (np.array(corner, dtype=np.float64).reshape(3) for corner in (lower, upper))
     if not (np.isfinite([low, high]).all() and (low < high).all()):
         raise checks.InputError(f"lower must be below upper on every axis; got {low.tolist()} and {high.tolist()}")
@@ -94,8 +90,6 @@ def query(
       outputs: some of `field.outputs`.
     Returns:
       Arrays by name, with the units of `field_outputs.OUTPUTS`; visibility is 0 where the box is missed.
-    Raises:
-      InputError: an output that the field does not have.
     """
     positions = field.field_from_mesh.apply(arrays.to_numpy(points.positions))
     directions = field.field_from_mesh.apply_directions(arrays.to_numpy(points.directions))
@@ -208,11 +202,7 @@ def framing_radius(field: FramedField, azimuth_deg: float, elevation_deg: float,
 
 
 def upright(up: str) -> Float[np.ndarray, "3 3"]:
-    """The axes of the mesh's frame that a camera takes as x, y (up) and z, as columns.
-
-    Raises:
-      InputError: an unknown axis.
-    """
+    """The axes of the mesh's frame that a camera takes as x, y (up) and z, as columns."""
     if up not in UP_AXES:
         raise checks.InputError(f"up must be among {', '.join(UP_AXES)}; got {up!r}")
     return _UP_FROM_Y[up]
@@ -231,10 +221,8 @@ def render(
     outputs: Collection[str] = field_outputs.DEFAULT,
     up: str = "y",
 ) -> tuple[dict[str, Float[np.ndarray, "size size ..."]], int]:
-    """Images from one camera (`camera_rays`), as `query` gives them, and the number of rays evaluated.
-
-    Raises:
-      InputError: a size below 1, a radius below 0, an unknown axis or output, or a camera that is not finite.
+    """Images from one camera (`camera_rays`), as `query` gives them, and the number of rays evaluated; InputError as
+    `require_camera`, or of an unknown output.
     """
     require_camera(camera, size, up)
     starts, directions = camera_rays(field, camera, size, up)

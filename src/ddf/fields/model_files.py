@@ -49,8 +49,6 @@ def load_model(model: nn.Module, folder: Path, beside: str | None = None, name: 
 
     Args:
       beside: how the names of tensors begin that are no weights. name: of the file.
-    Raises:
-      InputError: the file is damaged, holds another architecture, or a weight that is not finite.
     """
     path = folder / name
     tensors, record = storage.load_tensors(path, framework="torch")

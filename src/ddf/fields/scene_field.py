@@ -217,11 +217,7 @@ _UPRIGHT = 1e-6  # |up x way| below this: the camera looks straight up or down
 
 @dataclass(frozen=True)
 class LookAt:
-    """A camera at `position` that looks at `target`.
-
-    Raises:
-      InputError: the two coincide, or a number is not finite.
-    """
+    """A camera at `position` that looks at `target`; InputError where the two coincide, or a number is not finite."""
 
     position: Float[np.ndarray, "3"]
     target: Float[np.ndarray, "3"]

@@ -93,11 +93,7 @@ def save(shape: ShapeField, folder: Path, record: dict[str, Any]) -> Path:
 
 
 def load(path: Path) -> ShapeField:
-    """A field from its file, or from the folder that `ddf fit` wrote, in evaluation mode.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
-    """
+    """A field from its file, or from the folder that `ddf fit` wrote, in evaluation mode."""
     from ddf.core import config  # takes yaml, which inference does without
 
     stored = field_file.read(path)

@@ -31,22 +31,14 @@ CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`, whose defaults a
 
 
 def cloud_config(**changed: Any) -> "cloud_projection.CloudConfig":
-    """How clouds are drawn.
-
-    Raises:
-      InputError: a changed setting that does not do.
-    """
+    """How clouds are drawn."""
     from ddf.fields import cloud_projection
 
     return cloud_projection.CloudConfig(**(CLOUD | changed))
 
 
 def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
-    """A field from its file, or from the folder that `ddf fit` wrote.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
-    """
+    """A field from its file, or from the folder that `ddf fit` wrote."""
     file = field_file.file_of(path)
     if file.is_file() and storage.load_metadata(file).get("kind") == field_file.PATCHES:
         from ddf.fields.grid import patch_field
@@ -78,8 +70,6 @@ def points(
 
     Args:
       changed: of `cloud_config`, for networks.
-    Raises:
-      InputError: a count below 1, or a setting that does not do.
     """
     if shape.record.get("kind") == field_file.PATCHES:
         return cast("patch_field.PatchField", shape).points(count, seed)

@@ -68,11 +68,7 @@ def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:
 
 
 def owned(out_dir: Path) -> contextlib.AbstractContextManager[int]:
-    """Keeps other fits out of a folder.
-
-    Raises:
-      InputError: another fit is at work there.
-    """
+    """Keeps other fits out of a folder; InputError where one is at work there."""
     busy = f"{out_dir}: another fit (process {{number}}) is at work there; wait for it, or give another folder"
     return processes.locked(out_dir / _LOCK, busy, wait=False)
 

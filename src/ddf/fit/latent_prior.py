@@ -42,10 +42,8 @@ class LatentPrior:
 
 @torch.no_grad()
 def of(model: reconstruction_models.DDFModel, statistics: out_of_distribution.TrainingStatistics | None) -> LatentPrior:
-    """From the statistics of the training images: the shape latent is linear in their pooled features.
-
-    Raises:
-      InputError: there are none.
+    """From the statistics of the training images: the shape latent is linear in their pooled features. InputError where
+    there are none.
     """
     if statistics is None:
         raise checks.InputError(

@@ -24,11 +24,7 @@ _Made = tuple[tuple[dict[str, np.ndarray], dict[str, Any]], Callable[[patch_fiel
 
 
 def patches(raw: mesh_io.Mesh, config: octree.PatchConfig) -> patch_field.PatchField:
-    """The field of a mesh, in its frame; it has no errors and no file.
-
-    Raises:
-      InputError: the mesh has no triangle with an area.
-    """
+    """The field of a mesh, in its frame; it has no errors and no file. InputError where no triangle has an area."""
     return patch_field.of(*patch_field.fitted(*fitting.in_cube(raw), config))
 
 

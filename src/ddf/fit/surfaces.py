@@ -67,11 +67,7 @@ _MARGIN = 0.02  # of the longest side, around the hits
 
 
 def closed(field: framed_field.FramedField, resolution: int = RESOLUTION) -> Mesh:
-    """The watertight surface of a field, mesh frame.
-
-    Raises:
-      InputError: there is no surface.
-    """
+    """The watertight surface of a field, mesh frame; InputError where there is none."""
     return carved_surface.extract(look(field), *box(field), resolution)
 
 

@@ -98,11 +98,7 @@ def fuse(scan: scans.Scan, sensed: bool = True) -> Fused:
 
 
 def without_strays(scan: scans.Scan) -> scans.Scan:
-    """Without the hits that have few others around them, nor their rays.
-
-    Raises:
-      InputError: hardly any are left.
-    """
+    """Without the hits that have few others around them, nor their rays; InputError where hardly any are left."""
     points = scan.points
     if len(points) >= FEWEST:
         low, high = np.quantile(points, [0.02, 0.98], axis=0)

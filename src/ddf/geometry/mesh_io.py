@@ -161,11 +161,7 @@ def _read(path: Path, kind: str, reader: Callable[[bytes], _Read]) -> _Read:
 
 
 def load_surface(path: Path | str) -> Mesh:
-    """As `load`, of a mesh that has a surface.
-
-    Raises:
-      InputError: no triangle has an area; the message names the file.
-    """
+    """As `load`, of a mesh that has a surface; InputError where no triangle has an area."""
     mesh = load(path)
     if not have_area(mesh, face_normals(mesh)[1]).any():
         raise checks.InputError(f"{path}: no triangle has an area")
@@ -282,11 +278,7 @@ def glb_bytes(mesh: Mesh) -> bytes:
 
 
 def export_bytes(mesh: Mesh, suffix: str) -> bytes:
-    """The mesh as a file of this suffix: PLY in float64, GLB and STL in float32 (see `told_origin`), text in full.
-
-    Raises:
-      InputError: a suffix that is not written.
-    """
+    """The mesh as a file of this suffix: PLY in float64, GLB and STL in float32 (see `told_origin`), text in full."""
     suffix = suffix.lower()
     require_suffix(suffix)
     if suffix == ".ply":
@@ -321,10 +313,6 @@ def read_oriented(path: Path | str) -> tuple[Float[np.ndarray, "n 3"], Float[np.
 
 
 def has_faces(path: Path | str) -> bool:
-    """Whether a PLY file holds a mesh, and not a cloud alone.
-
-    Raises:
-      FileNotFoundError: no such file. InputError: not a PLY file; it is named.
-    """
+    """Whether a PLY file holds a mesh, and not a cloud alone."""
     elements = _read(Path(path), "PLY file", ply.header).elements
     return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)

@@ -97,9 +97,7 @@ class Neighbours:
 
     def spacing(self) -> Float[np.ndarray, " n"]:
         """Distance, not squared, from each point of the cloud to the nearest other one; 0 where a place is taken twice.
-
-        Raises:
-          InputError: the cloud is a single point.
+        InputError where it is a single point.
         """
         if len(self) < 2:
             raise checks.InputError("the spacing of a cloud needs two points or more; got 1")
@@ -123,11 +121,7 @@ def _morton_order(points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
 
 
 def validated(points: Float[np.ndarray, "n 3"], name: str) -> Float[np.ndarray, "n 3"]:
-    """The cloud as contiguous float64, checked: at least one point, three columns, all finite.
-
-    Raises:
-      InputError: the cloud breaks one of these rules.
-    """
+    """The cloud as contiguous float64, checked: at least one point, three columns, all finite."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2:
         raise checks.InputError(f"{name} must be a cloud of shape (n, 3); got shape {points.shape}")

@@ -71,11 +71,7 @@ class _Frame:
 
 
 def is_rays(path: Path) -> bool:
-    """Whether a path is of rays and not of a mesh.
-
-    Raises:
-      FileNotFoundError, InputError: as `mesh_io.has_faces`, of a PLY file.
-    """
+    """Whether a path is of rays and not of a mesh."""
     suffix = path.suffix.lower()
     if suffix == ".ply":
         return not mesh_io.has_faces(path)
@@ -83,11 +79,7 @@ def is_rays(path: Path) -> bool:
 
 
 def read(path: Path) -> Sensed:
-    """The rays of a folder or a file; see the module.
-
-    Raises:
-      FileNotFoundError: there is none. InputError: it holds something else; it is named.
-    """
+    """The rays of a folder or a file; see the module."""
     suffix = path.suffix.lower()
     if path.is_dir():
         return _folder(path)

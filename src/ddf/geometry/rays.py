@@ -128,11 +128,7 @@ def evenly_spread(count: int) -> Float[np.ndarray, "count 3"]:
 
 
 def read_npz(path: Path) -> OrientedPoints[np.ndarray]:
-    """Positions and directions of an NPZ file, as float64, directions exactly of unit length.
-
-    Raises:
-      InputError: not an NPZ file with two (N, 3) arrays of numbers, or directions that are not of unit length.
-    """
+    """Positions and directions of an NPZ file, as float64, directions exactly of unit length."""
     positions, directions = npz_vectors(path, ("positions", "directions"))
     if len(positions) != len(directions):
         raise checks.InputError(f"{path}: {len(positions)} positions but {len(directions)} directions; must be as many")
@@ -143,11 +139,7 @@ def read_npz(path: Path) -> OrientedPoints[np.ndarray]:
 
 
 def npz_vectors(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
-    """Named (N, 3) arrays of numbers of an NPZ file, as float64. What headers claim is judged before it is read.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: something else; it is named.
-    """
+    """Named (N, 3) arrays of numbers of an NPZ file, as float64. What headers claim is judged before it is read."""
     found = npz_numbers(path, names)
     for name in names:
         if name not in found:

@@ -88,10 +88,8 @@ class Scan:
 def of_rays(
     positions: Float[np.ndarray, "*_ 3"], directions: Float[np.ndarray, "*_ 3"], ranges: Float[np.ndarray, "*_"]
 ) -> Scan:
-    """The scan of rays, in rows or as an image; those without a range are left out.
-
-    Raises:
-      InputError: the shapes do not fit, or what counts is no ray.
+    """The scan of rays, in rows or as an image; those without a range are left out. InputError where shapes do not fit,
+    or what counts is no ray.
     """
     if not positions.shape == directions.shape == (*ranges.shape, 3):
         given = ", ".join(str(each.shape) for each in (positions, directions, ranges))
@@ -116,8 +114,6 @@ def of_depth(
     Args:
       width, height: of the image that the intrinsics are of. scale: of the depths, to the unit of the scan.
       along_rays: whether depths are those along the pixels' rays, as in files of ours, where no value means none.
-    Raises:
-      InputError: the depth or the intrinsics are none, or are not of one image.
     """
     if depth.ndim != 2:
         raise checks.InputError(f"depth must be (H, W); got shape {depth.shape}")
@@ -158,8 +154,6 @@ def pixel_directions(
     Args:
       of_this_size: whether it is told that the intrinsics are of such an image; else the principal point must lie near
         its middle. pixels: those wanted, as indices of the image in rows; None for all.
-    Raises:
-      InputError: the intrinsics are none, or are not of such an image.
     """
     matrix = np.asarray(intrinsics, dtype=np.float64)
     whole = matrix.shape == (3, 3) and np.isfinite(matrix).all()
@@ -190,9 +184,6 @@ def pixel_directions(
 def of_points(points: Float[np.ndarray, "*_"], sensors: Float[np.ndarray, "*_"]) -> Scan:
     """The scan of points, in rows or as an image, and of where each was seen from; those that are none are left out:
     not finite, at the sensor, several at 0.
-
-    Raises:
-      InputError: the shapes do not fit.
     """
     checks.require_vectors("points", points)
     checks.require_vectors("sensors", sensors)
@@ -252,11 +243,7 @@ _MAKE = {_RAYS: of_rays, _DEPTH: of_depth, _POINTS: of_points}
 
 
 def read(path: Path) -> Scan:
-    """The scan of a file of any of the kinds.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it holds none; it is named.
-    """
+    """The scan of a file of any of the kinds."""
     if path.suffix.lower() == ".png":
         return _of_png(path)
     if path.suffix.lower() != ".npz" and path.is_file() and not zipfile.is_zipfile(path):
@@ -303,11 +290,7 @@ def _of_png(path: Path) -> Scan:
 
 
 def grey(path: Path) -> tuple[Num[np.ndarray, "h w"], float | None]:
-    """The steps of a PNG of 16 bits, and the size of one, where the file says it.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is no such PNG; it is named.
-    """
+    """The steps of a PNG of 16 bits, and the size of one, where the file says it."""
     from PIL import Image  # not where scans of NPZ files are read
 
     checks.require_content(path)

@@ -80,10 +80,8 @@ class Similarity:
 
     @classmethod
     def of_matrix(cls, name: str, matrix: Any, tolerance: float = _SIMILAR) -> "Similarity":
-        """From a 4x4 matrix, which differs from scale times rotation by no more than that share of the scale.
-
-        Raises:
-          InputError: something else, such as one that shears or mirrors.
+        """From a 4x4 matrix, which differs from scale times rotation by no more than that share of the scale;
+        InputError of another, such as one that shears or mirrors.
         """
         array = checks.require_numbers(name, matrix, (4, 4))
         if not np.array_equal(array[3], [0, 0, 0, 1]):
@@ -106,9 +104,7 @@ class Similarity:
 
 def field_from_mesh(vertices: Float[np.ndarray, "n 3"]) -> Similarity:
     """The map that centres the vertices' box at 0 and makes its longest side exactly 2. Source: [DDF22] app. B.
-
-    Raises:
-      InputError: no vertices, a value that is not finite, or a box without extent.
+    InputError where there is no such box.
     """
     checks.require_vectors("vertices", vertices)
     if len(vertices) == 0:

@@ -62,11 +62,7 @@ class OnnxField:
 
 
 def load(path: Path) -> OnnxField:
-    """The field of an ONNX file that `ddf export` wrote of what `ddf fit` wrote.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
-    """
+    """The field of an ONNX file that `ddf export` wrote of what `ddf fit` wrote."""
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file; give an ONNX file that `ddf export` wrote")
     checks.require_content(path)

@@ -39,9 +39,7 @@ LICENCE = "MIT"
 
 def count_axes_from_the_front(model: onnx.ModelProto) -> None:
     """Write the negative axes of all reductions as axes from 0 on, in place; the values stay the same, bit for bit.
-
-    Raises:
-      ValueError: the axes of a reduction are no constant, or its rank is unknown.
+    ValueError where they are no constant, or a rank is unknown.
     """
     graph = onnx.shape_inference.infer_shapes(model).graph
     known = [*graph.value_info, *graph.input, *graph.output]
@@ -218,8 +216,6 @@ def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str
 
     Args:
       folder: what a training stage wrote. outputs: of fields, None for all.
-    Raises:
-      FileNotFoundError: there is no model. InputError: it is damaged, or of a kind that is not known.
     """
     path = folder / model_files.MODEL
     record = storage.load_metadata(path)

@@ -50,11 +50,7 @@ class BakedField:
 
 
 def field(path: Path) -> "Shape":
-    """A field for a page, by its folder or file.
-
-    Raises:
-      FileNotFoundError: there is no such field. InputError: it is damaged, or no such field; it is named.
-    """
+    """A field for a page, by its folder or file."""
     if path.suffix == ".onnx":
         raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
     file = field_file.file_of(path)
@@ -71,11 +67,7 @@ def name_of(path: Path) -> str:
 
 
 def bake(shape: "Shape", name: str) -> BakedField:
-    """A field for a page in the frame of its mesh (see `placed`).
-
-    Raises:
-      InputError: as `FieldFile.layers`.
-    """
+    """A field for a page in the frame of its mesh (see `placed`)."""
     record = {
         "name": name,
         "offset": 0,
@@ -108,10 +100,8 @@ def placed(field: BakedField, world_from_mesh: transforms.Similarity, name: str 
 
 
 def together(fields: list[BakedField]) -> tuple[list[dict[str, Any]], Float32[np.ndarray, "n"]]:
-    """Records and numbers of several fields, as one block; numbers that fields share are there once.
-
-    Raises:
-      InputError: there is no field.
+    """Records and numbers of several fields, as one block; numbers that fields share are there once. InputError where
+    there is none.
     """
     if not fields:
         raise checks.InputError("a page needs at least one field; got none")
@@ -183,8 +173,6 @@ def side_by_side(title: str, shapes: "Sequence[tuple[str, Shape]]", up: str = "y
 
     Args:
       shapes: with the names that the page shows. up: axis that points up.
-    Raises:
-      InputError: there is no field.
     """
     if not shapes:
         raise checks.InputError("a row needs at least one field; got none")
@@ -213,11 +201,7 @@ def _beside(box: Float[np.ndarray, "8 3"], side: float, reach: float, up: str) -
 
 
 def render(page: Page) -> bytes:
-    """The page as a file: the template with its marks `{{name}}` replaced.
-
-    Raises:
-      InputError: there is no field.
-    """
+    """The page as a file: the template with its marks `{{name}}` replaced. InputError where there is no field."""
     records, numbers = together(page.fields)
     record: dict[str, Any] = {
         "title": page.title,

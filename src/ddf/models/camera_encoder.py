@@ -45,10 +45,8 @@ class CameraHead(nn.Module):
         self.register_buffer("highest", torch.full((3,), torch.inf))
 
     def fit(self, training_cameras: Float[Tensor, "n 3"]) -> None:
-        """Take mean, deviation and range from the training set.
-
-        Raises:
-          InputError: fewer than two cameras, or one of the three numbers never varies.
+        """Take mean, deviation and range from the training set; InputError where one of the three never varies, or
+        there are not two cameras.
         """
         if len(training_cameras) < 2:
             raise checks.InputError(f"training cameras must be at least 2; got {len(training_cameras)}")

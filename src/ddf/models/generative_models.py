@@ -181,11 +181,7 @@ def parameter_counts(vae: generative_settings.VAEConfig, gan: generative_setting
 
 
 def load_vae(folder: Path) -> ShapeVAE:
-    """The VAE of a folder that stage `train_vae` wrote, in evaluation mode.
-
-    Raises:
-      FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
-    """
+    """The VAE of a folder that stage `train_vae` wrote, in evaluation mode."""
     _, (vae,) = recorded(folder, VAE, "train_vae", vae=generative_settings.VAEConfig)
     return model_files.built(lambda: ShapeVAE(vae), folder)
 
@@ -211,9 +207,6 @@ def recorded(folder: Path, kind: str, stage: str, **sections: type) -> tuple[Map
 
     Args:
       kind: that the record must be of. stage: the one that writes such files. sections: name and class of each.
-    Raises:
-      FileNotFoundError: there is no model.
-      InputError: the file is damaged, of another kind or without a section, or a value does not fit.
     """
     record = storage.load_metadata(folder / model_files.MODEL)
     if record.get("kind") != kind:

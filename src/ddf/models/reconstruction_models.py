@@ -196,9 +196,6 @@ def load_ddf(folder: Path) -> TrainedDDF:
     """The DDF model of a folder, or of its file.
 
     Of the section `ddf` of its record the field alone is read: how it was trained may be said in other words by now.
-
-    Raises:
-      FileNotFoundError: there is no model. InputError: it is damaged, of another kind, or its settings do not do.
     """
     folder, train, section = recorded(folder, "ddf")
     from ddf.core import config  # needs yaml, which training and inference do without

@@ -97,8 +97,6 @@ def render(
 
     Args:
       colours: of the surface; clay without.
-    Raises:
-      InputError: as `framed_field.require_camera`.
     """
     framed_field.require_camera(camera, size, standing.up)
     row, column = (each.ravel() for each in np.indices((size, size)))

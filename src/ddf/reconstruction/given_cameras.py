@@ -96,9 +96,6 @@ Camera = (
 def read(given: str | Path | Sequence[Any] | Mapping[str, Any], images: Sequence[Path]) -> list[Camera]:
     """A camera of each picture, from a JSON file or its content, as docs/formats.md has it; a list of (azimuth,
     elevation, radius) in degrees and benchmark units will do.
-
-    Raises:
-      OSError: no such file. InputError: it is damaged, a picture has no camera, or one that cannot be used.
     """
     file, content, shared = Path("cameras"), given, {}
     if isinstance(given, str | Path):

@@ -23,10 +23,8 @@ SCALE_RATE = 0.1  # of the logarithm of the scale, as a share of the camera's ra
 
 
 def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
-    """v1 units per field unit, from the diagonal of the cloud's box. [DDF22] app. E.
-
-    Raises:
-      InputError: the cloud is a single point.
+    """v1 units per field unit, from the diagonal of the cloud's box. [DDF22] app. E. InputError where it is a single
+    point.
     """
     diagonal = float((points.amax(dim=0) - points.amin(dim=0)).norm())
     if not diagonal > 0:
@@ -38,10 +36,8 @@ def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
 def latent_deviation(
     model: reconstruction_models.DDFModel, features: Float[Tensor, "m features"]
 ) -> Float[Tensor, "z"]:
-    """Standard deviations of the latents that the shape encoder gives to images of these pooled features.
-
-    Raises:
-      InputError: fewer than two images.
+    """Standard deviations of the latents that the shape encoder gives to images of these pooled features; InputError
+    where they are not two.
     """
     if len(features) < 2:
         raise checks.InputError(f"latents vary between images: at least 2 are needed; got {len(features)}")

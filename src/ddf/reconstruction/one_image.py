@@ -73,8 +73,6 @@ def latent_deviation(model: reconstruction_models.DDFModel, folder: Path, encode
 
     Args:
       folder: of the model, or its file. encoded: folder of the stage for the category, or its file of clouds.
-    Raises:
-      FileNotFoundError: no such file. InputError: it is damaged, or was made with another model.
     """
     folder = folder.parent if folder.name == model_files.MODEL else folder
     file = encoded / CLOUDS if encoded.is_dir() else encoded

@@ -29,11 +29,7 @@ class Sampler:
 
 
 def load(folder: Path) -> Sampler:
-    """Of a model's folder.
-
-    Raises:
-      FileNotFoundError: there is no model. InputError: it is damaged, or decodes no latents.
-    """
+    """Of a model's folder; InputError where it decodes no latents."""
     kind = storage.load_metadata(folder / model_files.MODEL).get("kind")
     if kind == "ddf" or (folder / latent_prior.SHAPES).exists():
         return _of_reconstruction(folder)

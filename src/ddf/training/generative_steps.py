@@ -202,11 +202,7 @@ def features_step(
 
 
 def load_features(folder: Path) -> FeatureNetwork:
-    """The network of a folder that stage `train_features` wrote, in evaluation mode.
-
-    Raises:
-      FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
-    """
+    """The network of a folder that stage `train_features` wrote, in evaluation mode."""
     wanted = {"features": generative_settings.FeaturesConfig}
     record, (section,) = generative_models.recorded(folder, FEATURES, "train_features", **wanted)
     model = FeatureNetwork(section, record["shapes"])

@@ -33,9 +33,7 @@ class ImageTrainConfig(line_field.LineFieldConfig):
         self, train: reconstruction_settings.TrainConfig, category: str
     ) -> tuple[reconstruction_settings.TrainConfig, line_field.LineFieldConfig, Path | None]:
         """Both sections with the sizes of the model to start from, and its file; None where training starts afresh.
-
-        Raises:
-          FileNotFoundError: no such model. InputError: it is damaged, of another kind or takes images of another size.
+        InputError where that is of another kind, or takes images of another size.
         """
         own = {each.name: getattr(self, each.name) for each in dataclasses.fields(line_field.LineFieldConfig)}
         if not self.start:

@@ -63,11 +63,7 @@ class Scenes:
     """The training mesh of each shape, in the field frame, ready for ray casting; a few packs are kept open."""
 
     def __init__(self, folder: Path, ids: Sequence[str]) -> None:
-        """Scenes of the given shapes, in their order, from the packs of stage `meshes`.
-
-        Raises:
-          InputError: a shape is in no pack, or a pack is damaged; it is named.
-        """
+        """Scenes of the given shapes, in their order, from the packs of stage `meshes`."""
         self.paths = storage.shard_files(folder, ".meshes.safetensors", "meshes")
         places = {name: path for path in self.paths for name in storage.load_metadata(path)["ids"]}
         missing = [name for name in ids if name not in places]
@@ -112,8 +108,6 @@ class Proposer:
 
         Args:
           folder: of the stage `meshes`, for the category of the shapes.
-        Raises:
-          InputError: a shape is in no pack, or a pack is damaged; it is named.
         """
         if config is None:
             return None, []

@@ -29,10 +29,8 @@ class Parts:
 
 
 def parts(index_path: Path, samples_dir: Path, category: str, held_out: int) -> Parts:
-    """The parts of a category, each in the order of the data set; the last shapes with samples are held out.
-
-    Raises:
-      InputError: fewer than two shapes would be left to learn.
+    """The parts of a category, each in the order of the data set; the last shapes with samples are held out. InputError
+    where fewer than two would be left to learn.
     """
     having, others = _with_samples(index_path, samples_dir, category)
     if len(having) - held_out < 2:
@@ -51,11 +49,7 @@ def _with_samples(index_path: Path, samples_dir: Path, category: str) -> tuple[l
 
 
 def read_pictured(index_path: Path, samples_dir: Path, category: str) -> tuple[category_data.ImageSet, list[Path]]:
-    """Images of the shapes without samples, and the files that say which these are.
-
-    Raises:
-      InputError: there are no such shapes.
-    """
+    """Images of the shapes without samples, and the files that say which these are; InputError where there are none."""
     _, others = _with_samples(index_path, samples_dir, category)
     if not others:
         raise checks.InputError(

@@ -112,11 +112,7 @@ def write(path: Path, text: str) -> None:
 
 
 def load(path: Path = PIPELINE) -> dict[str, Stage]:
-    """The stages in the order of the file.
-
-    Raises:
-      InputError: there is no such file, or a stage has an unknown key or a wrong value.
-    """
+    """The stages in the order of the file."""
     if not path.is_file():
         raise checks.InputError(f"{path} is not here; experiments run in the folder of the repository that holds it")
     stages = config.read_yaml(path)

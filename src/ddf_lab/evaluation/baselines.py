@@ -100,8 +100,6 @@ def prepare(
       ddf: images to evaluate, and the encoder's features for the retrieval row.
       train_ids: shapes that the models have seen. validation_ids: by which the mean shape is chosen. Without a cloud
         they are left out.
-    Raises:
-      InputError: no training shape, or not every test shape, has a cloud; or the file lacks features.
     """
     train_ids, held = ([shape for shape in ids if shape in truths] for ids in (train_ids, validation_ids))
     if not train_ids:
@@ -149,11 +147,7 @@ def _points(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarr
 
 
 def retrieval_choice(ddf: scoring.Predictions, truths: Truths) -> dict[tuple[str, int], str]:
-    """For every test image the shape of the training image whose encoder feature is nearest (Euclidean).
-
-    Raises:
-      InputError: the file has no features, or no training image whose shape has a cloud.
-    """
+    """For every test image the shape of the training image whose encoder feature is nearest (Euclidean)."""
     for name in ("features", "train_features"):
         if name not in ddf.tensors:
             raise checks.InputError(f"{ddf.path}: has no {name!r}; run the point cloud stage again")

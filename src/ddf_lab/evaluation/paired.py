@@ -117,10 +117,8 @@ def read_count(run: Run) -> int:
 
 
 def read_table(run: Run, seeds: int) -> pd.DataFrame:
-    """The measured long table of the first `seeds` seeds, see `over_seeds`.
-
-    Raises:
-      FileNotFoundError, InputError: a seed was not evaluated, or its table is damaged or does not fit the others.
+    """The measured long table of the first `seeds` seeds, see `over_seeds`; InputError where they do not fit each
+    other.
     """
     folders = [run.folder("evaluate", seed=seed) for seed in range(seeds)]
     return over_seeds([storage.load_table(folder / "si3dr.csv")[0] for folder in folders])

@@ -80,11 +80,7 @@ def _extrinsics(camera: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3 3"
 
 
 def load_predictions(path: Path | str) -> Predictions:
-    """Read the clouds of one model and category, and check that all parts speak of the same images.
-
-    Raises:
-      FileNotFoundError, InputError: the file is absent, damaged, or its parts do not fit together.
-    """
+    """Read the clouds of one model and category, and check that all parts speak of the same images."""
     tensors, metadata = storage.load_tensors(path)
     needed = ("camera_true", "camera_pred", "scale_true", "centre_true", "scale_pred")  # clouds: see `columns`
     missing = [name for name in needed if name not in tensors] + ([] if "images" in metadata else ["images"])
@@ -103,11 +99,7 @@ def load_predictions(path: Path | str) -> Predictions:
 
 
 def load_truth(samples_dir: Path | str) -> dict[str, packing.Cloud]:
-    """Ground-truth clouds of a category by shape id, from the files that the shards' records name.
-
-    Raises:
-      FileNotFoundError, InputError: no shard, or a damaged file.
-    """
+    """Ground-truth clouds of a category by shape id, from the files that the shards' records name."""
     clouds: dict[str, packing.Cloud] = {}
     for path in storage.shard_files(samples_dir, ".clouds.safetensors", "samples"):
         tensors, metadata = storage.load_tensors(path)
@@ -197,10 +189,8 @@ def model_cases(models: Mapping[str, Predictions], shape: str) -> list[Case]:
 
 
 def score_all(cases: Iterable[tuple[packing.Cloud, Sequence[Case]]], jobs: int | None = None) -> pd.DataFrame:
-    """One row per case and image. Shapes are spread over processes as they come; each truth is indexed once.
-
-    Raises:
-      InputError: a cloud cannot be used; the message names method, column and image.
+    """One row per case and image. Shapes are spread over processes as they come; each truth is indexed once. InputError
+    names method, column and image.
     """
     tasks = (joblib.delayed(_score_shape)(shape_cases, truth) for truth, shape_cases in cases)
     rows = joblib.Parallel(n_jobs=jobs or joblib.cpu_count())(tasks)

@@ -36,10 +36,8 @@ Data = TypeVar("Data", "ImageSet", "ShapeSet", "SampleSet")
 
 
 def mapped(shape: Sequence[int], dtype: Any) -> Tensor:
-    """Zeros in a mapped file without a name, in the folder for temporary files (`TMPDIR`), which needs space for them.
-
-    Raises:
-      OSError: there is no space; the folder is named.
+    """Zeros in a mapped file without a name, in the folder for temporary files (`TMPDIR`), which needs space for them;
+    OSError names the folder where there is none.
     """
     with storage.naming(tempfile.gettempdir()), tempfile.TemporaryFile() as file:
         os.posix_fallocate(file.fileno(), 0, int(np.prod(shape)) * np.dtype(dtype).itemsize)
@@ -253,11 +251,7 @@ def room(device: torch.device) -> int:
 def read_images(
     dataset: shapenet.Dataset, category: str, shapes: Sequence[tuple[str, Sequence[int]]], size: int
 ) -> ImageSet:
-    """Read the given (id, views) of one category at size x size.
-
-    Raises:
-      InputError: a file is missing, damaged or of another size; it is named.
-    """
+    """Read the given (id, views) of one category at size x size."""
     index = np.repeat(np.arange(len(shapes)), [len(views) for _, views in shapes])
     if not len(index):
         raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
@@ -309,11 +303,7 @@ def read_training(
 
 
 def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
-    """Similarities and ground-truth clouds of the given shapes, from the shards of stage `samples`.
-
-    Raises:
-      InputError: a shape is in no shard, or a shard is damaged; it is named.
-    """
+    """Similarities and ground-truth clouds of the given shapes, from the shards of stage `samples`."""
     maps: dict[str, dict] = {}
     for path in storage.shard_files(folder, SAMPLES, "samples"):
         maps |= storage.load_metadata(path)["field_from_raw"]
@@ -325,11 +315,7 @@ def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
 
 
 def read_samples(folder: Path, ids: Sequence[str]) -> SampleSet:
-    """Stored samples of the given shapes, in their order, from the shards of stage `samples`.
-
-    Raises:
-      InputError: a shape is in no shard, or a shard is damaged; it is named.
-    """
+    """Stored samples of the given shapes, in their order, from the shards of stage `samples`."""
     return SampleSet.of(*_find(folder, SAMPLES, ids))
 
 

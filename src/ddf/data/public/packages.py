@@ -96,9 +96,7 @@ def has(package: Package, wanted: Collection[str]) -> bool:
 
 def require(package: Package, wanted: Collection[str], folder: Path | None = None) -> Path:
     """The kept archive with these members of a package: as it is, else out of `folder`, else fetched by apt-get.
-
-    Raises:
-      InputError: the package is damaged, another one, or cannot be had; the message says what to put where.
+    InputError says what to put where.
     """
     if not has(package, wanted):
         if folder is not None:
@@ -116,9 +114,7 @@ def require(package: Package, wanted: Collection[str], folder: Path | None = Non
 
 def keep(package: Package, wanted: Collection[str], file: Path) -> None:
     """Write the wanted members of a package's file, and the looks beside them, to its archive: all, or nothing.
-
-    Raises:
-      InputError: the file is damaged or another one, or a member is not in it.
+    InputError where the file is damaged or another one, or a member is not in it.
     """
     if not _is_right(package, file):
         raise checks.InputError(
@@ -145,11 +141,7 @@ def _missing(wanted: Collection[str], archive: zipfile.ZipFile) -> str | None:
 
 
 def reading(path: Path) -> zipfile.ZipFile:
-    """A kept archive, open; a member that was damaged since does not read.
-
-    Raises:
-      InputError: it is damaged.
-    """
+    """A kept archive, open; a member that was damaged since does not read."""
     try:
         return zipfile.ZipFile(path)
     except zipfile.BadZipFile as error:

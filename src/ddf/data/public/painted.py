@@ -27,11 +27,7 @@ _SKIN, _FRAME = 64, 40  # bytes of a skin's path, and before the points of a fra
 
 
 def md2_surfaces(data: bytes) -> Surfaces:
-    """The triangles of a file in its frame, z up; coordinates are of 8 bits, skins lack the ending of their picture.
-
-    Raises:
-      InputError: no MD2 file, or damaged.
-    """
+    """The triangles of a file in its frame, z up; coordinates are of 8 bits, skins lack the ending of their picture."""
     if len(data) < _HEADER.size or not data.startswith(b"IDP2"):
         raise checks.InputError("not an MD2 file: it must begin with IDP2")
     _, _, width, height, _, skins, points, places, count, _, _, skin, place, triangle, frame, *_ = _HEADER.unpack_from(
@@ -107,11 +103,7 @@ class Painted:
 
 
 def load(archive: zipfile.ZipFile, path: str, looks: str = "") -> Painted:
-    """A mesh of a kept archive; `looks`: a folder of it with pictures that are not beside the mesh, ending in /.
-
-    Raises:
-      InputError: it is damaged, or has no triangles; the path is named.
-    """
+    """A mesh of a kept archive; `looks`: a folder of it with pictures that are not beside the mesh, ending in /."""
     folder = posixpath.dirname(path)
 
     def beside(name: str) -> bytes | None:

@@ -28,11 +28,7 @@ def turned(axes: str) -> Float[np.ndarray, "k 3"]:
 
 
 def load(archive: zipfile.ZipFile, row: manifest.Row) -> painted.Painted:
-    """The mesh of a row, turned to X ahead and Y up, on its wheels.
-
-    Raises:
-      InputError: as `painted.load`.
-    """
+    """The mesh of a row, turned to X ahead and Y up, on its wheels."""
     mesh = painted.load(archive, row.path, row.looks)
     return mesh.turned(turned(row.axes)).joined(_wheels(row.wheels))
 
@@ -50,10 +46,8 @@ def varied(mesh: painted.Painted, rng: np.random.Generator) -> painted.Painted:
 
 
 def write_shape(root: Path, seed: int, kept: Path, row: manifest.Row, copy: int, num_views: int) -> list[Path]:
-    """Write a shape of an archive, or a folder of own ones (copy 0), or a variation, as `synthetic.write` its own.
-
-    Raises:
-      InputError: as `painted.load`, or an own mesh is not as `ddf shapes add` wrote it.
+    """Write a shape of an archive, or a folder of own ones (copy 0), or a variation, as `synthetic.write` its own;
+    InputError where an own mesh is not as `ddf shapes add` wrote it.
     """
     name, path = copy_id(row, copy), kept / row.path
     if row.package == manifest.OWN:

@@ -17,10 +17,8 @@ from ddf.geometry.mesh_io import Mesh, face_normals
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles ready for drawing points uniform by area; those without an area get none.
-
-    Raises:
-      InputError: no triangle has an area.
+    """Triangles ready for drawing points uniform by area; those without an area get none. InputError where none has
+    one.
     """
 
     corners: Float[np.ndarray, "m 3 3"]

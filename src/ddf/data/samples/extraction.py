@@ -105,11 +105,7 @@ def extract(
 
 
 def domain_of(scene: raycast.Scene, config: SamplesConfig) -> draws.Domain:
-    """What the samples of a mesh are drawn from.
-
-    Raises:
-      InputError: the mesh leaves the cube, or has no triangle with an area.
-    """
+    """What samples of a mesh are drawn from; InputError where it leaves the cube or has no triangle with an area."""
     mesh = scene.mesh
     if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
         raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
@@ -118,11 +114,7 @@ def domain_of(scene: raycast.Scene, config: SamplesConfig) -> draws.Domain:
 
 
 def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:
-    """The box that a mesh's samples are drawn in.
-
-    Raises:
-      InputError: the margin makes it leave the cube, so that points on its sides could not be stored.
-    """
+    """The box that a mesh's samples are drawn in; InputError where the margin makes it leave the cube."""
     if config.box == "cube":
         return draws.CUBE
     lower, upper = mesh.box()
@@ -132,11 +124,7 @@ def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:
 
 
 def surface_of(scene: raycast.Scene) -> Surface:
-    """What `draws` draw from: the triangles of a scene in float32.
-
-    Raises:
-      InputError: no triangle has an area.
-    """
+    """What `draws` draw from: the triangles of a scene in float32. InputError where none has an area."""
     corners = scene.mesh.vertices.astype(np.float32)[scene.mesh.faces]
     return Surface(corners, scene.normals.astype(np.float32), scene.areas)
 

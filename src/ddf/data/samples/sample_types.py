@@ -103,10 +103,8 @@ def scaled(counts: Mapping[str, int], share: int | float) -> dict[str, int]:
 
 
 def stored(name: str, counts: Mapping[str, int]) -> dict[str, int]:
-    """Samples of each stored type in order; `LEFT_OUT` of one that is not given. `name` is the config's key.
-
-    Raises:
-      InputError: a type is unknown or without samples.
+    """Samples of each stored type in order; `LEFT_OUT` of one that is not given. `name` is the config's key. InputError
+    names it.
     """
     if not set(counts) <= set(KINDS) or min(counts.values(), default=1) < 1:
         raise checks.InputError(f"{name} may give each of {', '.join(KINDS)} >= 1; got {dict(counts)}")
@@ -114,10 +112,8 @@ def stored(name: str, counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def check_counts(name: str, counts: Mapping[str, int]) -> None:
-    """Raise unless the points per type of a step have every needed type, and perhaps some of the others.
-
-    Raises:
-      InputError: a type is missing, unknown or without points; `name` is the config's key.
+    """Raise unless the points per type of a step have every needed type, and perhaps some of the others; `name` is the
+    config's key.
     """
     may = [kind for kind in (*ORDER, *STORED_VALUES) if kind not in NEEDED]
     if not set(NEEDED) <= set(counts) <= {*NEEDED, *may} or min(counts.values()) < 1:

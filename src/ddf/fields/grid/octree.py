@@ -66,11 +66,7 @@ def pack(
 
 
 def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
-    """The inverse of `pack`.
-
-    Raises:
-      InputError: an array is missing or of another type, or their sizes contradict each other.
-    """
+    """The inverse of `pack`; InputError where the arrays are not those, or contradict each other."""
     for name, kind in _TYPES.items():
         if name not in arrays or arrays[name].dtype != kind:
             raise checks.InputError(f"{name} must be there as {np.dtype(kind)}")
@@ -160,10 +156,8 @@ class PatchConfig:
 
 
 def build(mesh: mesh_io.Mesh, config: PatchConfig, evidence: Evidence | None = None) -> dict[str, np.ndarray]:
-    """The arrays of `octree.pack` of a mesh in [-1, 1]³, and `UNSEEN` where there is evidence of what was seen.
-
-    Raises:
-      InputError: no triangle has an area.
+    """The arrays of `octree.pack` of a mesh in [-1, 1]³, and `UNSEEN` where there is evidence of what was seen;
+    InputError where no triangle has an area.
     """
     scene = raycast.Scene(mesh)
     if len(scene.kept) == 0:

@@ -62,10 +62,8 @@ class PatchField:
         return found | ({"visibility": seen.astype(np.float64)} if "visibility" in outputs else {})
 
     def seen(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-        """Whether the rays that the field was fitted to saw all the way up to the answer, in the mesh's frame.
-
-        Raises:
-          InputError: it was fitted to a mesh.
+        """Whether the rays that the field was fitted to saw all the way up to the answer, in the mesh's frame;
+        InputError where that was a mesh.
         """
         if octree.UNSEEN not in self.arrays:
             raise checks.InputError("the field was not fitted to rays, so all of it is known")
@@ -79,11 +77,7 @@ class PatchField:
         return kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
 
     def points(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 3"]:
-        """Points on the patches, mesh frame, evenly spread by area.
-
-        Raises:
-          InputError: a count below 1.
-        """
+        """Points on the patches, mesh frame, evenly spread by area; InputError where they are fewer than 1."""
         return self.field_from_mesh.inverse().apply(self._spread(count, seed)[0])
 
     def cloud(self) -> checked_cloud.CheckedCloud:
@@ -131,8 +125,6 @@ def fitted(
     Args:
       mesh: in [-1, 1]³, its longest side 2. own_from_mesh: the map that brought it there.
       evidence: of what was seen, in the frame from which that map leads.
-    Raises:
-      InputError: no triangle has an area.
     """
     mesh = mesh_io.Mesh((1 - MARGIN) * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
@@ -148,11 +140,7 @@ def fitted(
 
 
 def of(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> PatchField:
-    """The field of the content of a file.
-
-    Raises:
-      KeyError, TypeError, ValueError: the record lacks something, or the arrays do not fit together.
-    """
+    """The field of the content of a file; KeyError, TypeError or ValueError where it does not fit together."""
     lower, upper = framed_field.corners(record["box"]["lower"], record["box"]["upper"])
     place, tolerance = transforms.Similarity.from_dict(record["field_from_mesh"]), float(record["tolerance"])
     if np.abs([lower, upper]).max() > 1 or not 0 < tolerance <= 1:
@@ -163,11 +151,7 @@ def of(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> PatchFiel
 
 
 def load(file: Path) -> PatchField:
-    """The field of a file.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
-    """
+    """The field of a file."""
     arrays, record = storage.load_tensors(file)
     if record.get("kind") != KIND:
         raise checks.InputError(f"{file}: holds no field of patches")

@@ -45,11 +45,7 @@ class Surfaces(NamedTuple):
 
 
 def parse(data: bytes) -> raw.Raw:
-    """Vertices in float64 and triangles of an AC3D file.
-
-    Raises:
-      InputError: no AC3D text, cut short, or a line that cannot be read; it is named by its number.
-    """
+    """Vertices in float64 and triangles of an AC3D file."""
     found = surfaces(data)
     return raw.of_polygons(found.vertices, found.counts, found.corners, found.remarks, refuse=False)
 
@@ -59,8 +55,6 @@ def surfaces(data: bytes, without: re.Pattern[str] | None = None) -> Surfaces:
 
     Args:
       without: pattern of the names of objects whose own polygons are left out.
-    Raises:
-      InputError: as `parse`.
     """
     data = text.decoded(data)
     if not data.startswith(b"AC3D"):

@@ -23,11 +23,7 @@ _LARGEST = 1 << 40  # of an index
 
 
 def parse(data: bytes) -> raw.Raw:
-    """Vertices in float64 and triangles of an OBJ file.
-
-    Raises:
-      InputError: a line that cannot be read, by number; an index to no vertex; no text; more than 8 million faces.
-    """
+    """Vertices in float64 and triangles of an OBJ file."""
     data = text.decoded(data)
     _require_few(data.count(b"\nf"))
     blocks, reading = text.Blocks(data), _Reading()

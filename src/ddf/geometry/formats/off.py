@@ -14,11 +14,7 @@ _COMMENT = re.compile(rb"#[^\r\n]*")
 
 
 def parse(data: bytes) -> raw.Raw:
-    """Vertices and triangles of an OFF file; colours, normals and texture coordinates are not read.
-
-    Raises:
-      InputError: no header with counts, binary or four-dimensional OFF, rows that are missing, too many or unreadable.
-    """
+    """Vertices and triangles of an OFF file; colours, normals and texture coordinates are not read."""
     blocks = text.Blocks(_COMMENT.sub(b"", text.decoded(data)))
     num_vertices, num_faces = _counts(blocks, len(data))
     axes = [ply.Property(axis, "f8") for axis in "xyz"]

@@ -66,11 +66,7 @@ class Header:
 
 
 def parse(data: bytes) -> raw.Raw:
-    """Vertices and triangles of a PLY file: of polygons (`face`) and of triangle strips (`tristrips`).
-
-    Raises:
-      InputError: a header that cannot be read, rows that are missing, too many, too short or too long, indices to none.
-    """
+    """Vertices and triangles of a PLY file: of polygons (`face`) and of triangle strips (`tristrips`)."""
     wanted = {"vertex": ("x", "y", "z"), "face": _LISTS, "tristrips": _LISTS}
     found = _read(data, wanted)
     vertices = positions(found)
@@ -87,10 +83,8 @@ def parse(data: bytes) -> raw.Raw:
 
 
 def oriented(data: bytes) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"] | None]:
-    """Vertices of a PLY cloud or mesh, and their normals as they stand there, None where it has none.
-
-    Raises:
-      InputError: as `parse`; the file has no points, or one that is not finite.
+    """Vertices of a PLY cloud or mesh, and their normals as they stand there, None where it has none; InputError where
+    there are none, or one is not finite.
     """
     found = _read(data, {"vertex": ("x", "y", "z", *_NORMAL)})
     vertices = positions(found)
@@ -164,11 +158,7 @@ def _of_strips(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def header(data: bytes) -> Header:
-    """The header, read line by line; the counts are compared with the bytes that follow.
-
-    Raises:
-      InputError: no header, a line that is none of a PLY header, a count that the file cannot hold.
-    """
+    """The header, read line by line; the counts are compared with the bytes that follow."""
     words, place, num_lines = _lines(data)
     forms, elements = [], []
     for line in words:

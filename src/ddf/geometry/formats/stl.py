@@ -26,11 +26,7 @@ _TEXT = re.compile(rb"\s*solid\b[^\0]*?(?:facet|endsolid)(?![^\0]{0,4096}\0)", r
 
 
 def parse(data: bytes) -> raw.Raw:
-    """Three vertices for every triangle, as the file has them; normals and attributes are not read.
-
-    Raises:
-      InputError: neither format; a count that disagrees with the size (both are named); a facet that is not whole.
-    """
+    """Three vertices for every triangle, as the file has them; normals and attributes are not read."""
     claimed = struct.unpack("<I", data[80:84])[0] if len(data) >= _HEADER else -1
     room, rest = divmod(len(data) - _HEADER, _ROW)
     if 0 <= claimed == room and (claimed > 0 or rest == 0):

@@ -28,10 +28,8 @@ _MARKS = (
 
 
 def decoded(data: bytes) -> bytes:
-    """The same text without a byte order mark, in UTF-8 if it was UTF-16 or UTF-32; other bytes as they are.
-
-    Raises:
-      InputError: a mark of UTF-16 or UTF-32, but what follows is not; the encoding is named.
+    """The same text without a byte order mark, in UTF-8 if it was UTF-16 or UTF-32; other bytes as they are. InputError
+    names the encoding of a false mark.
     """
     if data.startswith(codecs.BOM_UTF8):
         return data[len(codecs.BOM_UTF8) :]
