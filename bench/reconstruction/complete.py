@@ -45,6 +45,7 @@ from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
 from ddf.models import line_field, reconstruction_models
 from ddf.reconstruction import line_clouds
+from ddf_lab.evaluation import claims
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
@@ -289,8 +290,8 @@ def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) ->
         }
         for other, key in (("image", "f_gain"), ("nearest", "f_over_nearest"), ("sdf", "f_over_sdf")):
             if way not in ("image", other) and other in found:
-                gain = score[way] - score[other][: len(each)]
-                error |= {key: float(gain.mean()), f"{key}_error": float(gain.std(ddof=1) / np.sqrt(len(gain)))}
+                gain = claims.difference(score[way][None], score[other][None, : len(each)])
+                error |= {key: gain.mean, f"{key}_error": gain.error}
         size = {"shapes": len(each), "points": POINTS}
         yield measuring.row(f"{category}, {split}: {way}", size, table["seconds"].tolist(), error)
 

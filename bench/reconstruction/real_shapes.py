@@ -18,7 +18,7 @@ from ddf.cli.declare import Arg
 from ddf.core import shipped_models, storage
 from ddf.fields import model_files
 from ddf.metrics import cloud_scores
-from ddf_lab.evaluation import groups, one_model, paired
+from ddf_lab.evaluation import claims, groups, one_model
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench real_shapes, after the stage samples of `ddf run real`"
@@ -47,7 +47,7 @@ def rows(found: dict[str, one_model.Found], split: str) -> measuring.Rows:
             error |= {metric: values[group, label, "Pi_pred", metric] for metric in CAMERA}
             for metric in PRINTED if label != first else ():
                 heads = (label, "Pi_g-L"), (first, "Pi_g-L")
-                gap = paired.difference([every], group, *heads, cloud_scores.METRICS[metric])
+                gap = claims.of_tables([every], group, *heads, cloud_scores.METRICS[metric])
                 if gap is not None:
                     error |= {f"{metric}, against {first}": gap.mean, f"{metric}, its error": gap.error}
             images = int((own.scores["category"] == group).sum() / 2)

@@ -1,1 +1,1 @@
-"""The columns of the paper's tables: scores, baselines, paired differences, seeds."""
+"""The columns of the paper's tables: scores, baselines, claims, seeds."""

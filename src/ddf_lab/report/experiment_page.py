@@ -7,6 +7,7 @@ in the files depends on the day; times are those that the stages measured.
 from pathlib import Path
 
 from ddf.core import storage
+from ddf_lab.evaluation import claims
 from ddf_lab.report import example_strips, model_sections, pages, run_sections, stage_results
 from ddf_lab.run import Run
 
@@ -31,9 +32,10 @@ _DATA = {
 
 
 def write(run: Run, out_dir: Path) -> None:
-    """Read everything and write README.md, si3dr.csv and the figures."""
+    """Read everything and write README.md, si3dr.csv, per_image.csv and the figures."""
     found = example_strips.drawn(run, stage_results.read_results(run))
     storage.write_text(out_dir / "si3dr.csv", found.table.to_csv(index=False, lineterminator="\n"))
+    storage.write_text(out_dir / "per_image.csv", claims.as_text(found.trainings))
     pages.write(build(found), out_dir)
 
 
@@ -45,12 +47,14 @@ def build(found: stage_results.Results) -> pages.Page:
         "DDF: directed distance fields. PC-SIREN: a baseline with the same encoders that maps points of a cube to "
         "surface points. DDF+image: a DDF that asks the image at places along the ray.",
         f"Made by `make reproduce-table CONFIG=configs/{found.name}.yaml{seeds}`. All numbers are in "
-        "[si3dr.csv](si3dr.csv).",
+        "[si3dr.csv](si3dr.csv), scores of every image, on which bold rests, in [per_image.csv](per_image.csv).",
     ]
     if seeds:
         facts.append(
             f"Means over {found.seeds} seeds; ± is the standard deviation over them; [si3dr.csv](si3dr.csv) has it of "
             "all. Pictures, losses and times are of the first."
         )
-    lead = [model_sections.verdict(found), tuple(facts)]
-    return pages.Page(f"Results of the experiment {found.name}", lead, [section(found) for section in SECTIONS])
+    sections = [section(found) for section in SECTIONS]
+    (table, *_) = (block for block in sections[0].blocks if isinstance(block, pages.Table))
+    lead = [model_sections.verdict(table), tuple(facts)]
+    return pages.Page(f"Results of the experiment {found.name}", lead, sections)

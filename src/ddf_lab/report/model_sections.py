@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from ddf.metrics import cloud_scores
-from ddf_lab.evaluation import baselines, paired, paper_results, scoring
+from ddf_lab.evaluation import baselines, claims, paper_results, scoring
 from ddf_lab.report import figures, scores
-from ddf_lab.report.pages import Block, Figure, Section, Table
+from ddf_lab.report.pages import Block, Cell, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
 MODELS = tuple((scores.METHOD_LABELS[method], method) for method in (scoring.DDF, scoring.PC_SIREN, scoring.DDF_IMAGE))
@@ -40,29 +40,26 @@ _READING = (
     "Π<sub>g</sub>: true camera; two models are told the scale, DDF+image reads the image by that "
     "camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
     "mask, which both encoders see.",
-    "A difference is called one where, paired by image, it exceeds what Student's t asks of its standard error over "
-    "{over}, 95 %.",
+    "Bold, in every table: Student's t, all comparisons of the table corrected together (Holm, 5 %). Standard errors "
+    "are over test shapes, paired, {over}.",
 )
 
 
-def verdict(results: Results) -> str:
-    """Which model is better than the others, in what, with either camera, in two sentences."""
+def verdict(table: Table) -> str:
+    """Which model is better than the others, in what, with either camera, in two sentences: bold cells of the table."""
     where = {"With the true camera": LARGE[0], "With the predicted camera": LARGE[1]}
-    return " ".join(_sentence(each, better_model(results, column)) for each, column in where.items())
+    return " ".join(_sentence(each, _best(table, scores.column_label(column))) for each, column in where.items())
 
 
-def better_model(results: Results, column: str) -> dict[tuple[str, str], str]:
-    """By category and metric the model that is better than all others, empty where there is none by the rule."""
-    found = {}
-    for category in results.groups:
-        for metric, label in _COMPARED.items():
-            heads = [(method, column) for _, method in MODELS]
-            won = [
-                name
-                for (name, _), head in zip(MODELS, heads, strict=True)
-                if all(results.better(category, head, other, metric) > 0 for other in heads if other != head)
-            ]
-            found[category, label] = won[0] if won else ""
+def _best(table: Table, column: str) -> dict[tuple[str, str], str]:
+    """By category and metric of a column's rows the model whose cell is bold, empty where none is."""
+    found, category = dict[tuple[str, str], str](), ""
+    for first, label, *cells in table.rows:
+        category = str(first) or category
+        for number, metric in enumerate(_COMPARED.values() if label == column else ()):
+            own = zip(MODELS, cells[number * len(MODELS) :], strict=False)
+            won = [name for (name, _), cell in own if isinstance(cell, Cell) and cell.best]
+            found[category, metric] = "".join(won)
     return found
 
 
@@ -86,8 +83,7 @@ def _listed(names: list[str]) -> str:
 
 def results_section(results: Results) -> Section:
     """Both models in the paper's columns, what their scores are made of, and the paper's numbers."""
-    note = scores.images_note(results)
-    caption = f"Means over images. Bold: better than both others, where the differences are seen. {note}"
+    caption = f"Means over images. Bold: better than both others. {scores.images_note(results)}"
     moved = (results.per_image["method"] == scoring.DDF_ON_MASK).any()
     on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
     blocks: list[Block | None] = [
@@ -121,7 +117,7 @@ def results_section(results: Results) -> Section:
             labels=_ARROWS,
         ),
         seconds(results),
-        tuple(against_retrieval(results, *model) for model in MODELS),
+        against_retrieval(results),
         scores.pairs(
             results,
             results.categories,
@@ -138,17 +134,24 @@ def reading(results: Results) -> tuple[str, ...]:
     """What columns and metrics are."""
     rows = results.per_image[results.per_image["method"] == scoring.PC_SIREN]
     large, small = (int(rows[rows["column"] == f"Pi_g-{size}"]["num_pred"].iloc[0]) for size in "LS")
-    over = "test shapes and seeds" if results.seeds > 1 else "test shapes"
+    over = "of one training each: another training may differ"
+    if results.seeds > 1:
+        over = f"and over {results.seeds} trainings, unpaired"
     return tuple(text.format(tau=cloud_scores.TAU_SQ, large=large, small=small, over=over) for text in _READING)
 
 
-def against_retrieval(results: Results, label: str, method: str) -> str:
-    """For which categories a model is better than retrieval, and for which no difference is seen in its favour."""
-    heads = (method, "Pi_g-L"), (baselines.RETRIEVAL, "Pi_g-L")
-    won = [category for category in results.groups if results.better(category, *heads, _CHAMFER) > 0]
-    rest = [category for category in results.groups if category not in won]
-    parts = ([f"better for {_listed(won)}"] if won else []) + ([f"not for {_listed(rest)}"] if rest else [])
-    return f"{label} against retrieval of a training shape (D<sub>C</sub>, true camera, L): {'; '.join(parts)}."
+def against_retrieval(results: Results) -> tuple[str, ...]:
+    """For which categories each model is better than retrieval, and for which no difference is seen in its favour."""
+    rival, said = (baselines.RETRIEVAL, "Pi_g-L"), list[str]()
+    asked = {(each, (method, "Pi_g-L"), rival, _CHAMFER) for each in results.groups for _, method in MODELS}
+    better = claims.better(results.trainings, asked)
+    for label, method in MODELS:
+        won = [each for each in results.groups if (each, (method, "Pi_g-L"), rival, _CHAMFER) in better]
+        rest = [each for each in results.groups if each not in won]
+        parts = ([f"better for {_listed(won)}"] if won else []) + ([f"not for {_listed(rest)}"] if rest else [])
+        where = "(D<sub>C</sub>, true camera, L)"
+        said.append(f"{label} against retrieval of a training shape {where}: {'; '.join(parts)}.")
+    return tuple(said)
 
 
 def seconds(results: Results) -> Table | None:
@@ -227,7 +230,7 @@ def by_shape(results: Results, group: str) -> pd.DataFrame:
     metric = cloud_scores.METRICS[_F_SCORE]
 
     def means(method: str) -> pd.Series:
-        tables = [paired.rows_of(table, group, (method, "Pi_g-L")) for table in results.trainings]
+        tables = [claims.rows_of(table, group, (method, "Pi_g-L")) for table in results.trainings]
         return metric.factor * pd.concat(tables).groupby("id")[metric.score].mean()
 
     return pd.DataFrame({"nearest": means(baselines.ORACLE)} | {method: means(method) for _, method in MODELS})

@@ -1,14 +1,16 @@
 """Numbers of the long table si3dr.csv as the page prints them: look-up, names, tables with the better ones bold."""
 
+import itertools
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import pandas as pd
 
 from ddf.metrics.cloud_scores import METRICS, PRINTED
-from ddf_lab.evaluation import baselines, scoring
+from ddf_lab.evaluation import baselines, claims, scoring
+from ddf_lab.evaluation.claims import Head
 from ddf_lab.report.pages import Cell, Table
-from ddf_lab.report.stage_results import Head, Results
+from ddf_lab.report.stage_results import Results
 
 METHOD_LABELS = {
     scoring.DDF: "DDF",
@@ -94,20 +96,33 @@ def table(
     """The same lines for every category that has one of their numbers.
 
     Args:
-      rivals: a cell of one of these is bold where `Results.better` says that it is better than that of all others;
-        None: those of its own line. Never among quoted numbers.
+      rivals: a cell of one of these is bold where it is claimed to be better than that of all others, all comparisons
+        of the table together; None: those of its own line. Never among quoted numbers.
       spread: the deviation over seeds stands in the rows of L points.
     Returns:
       None where the source has no number of these.
     """
     found, rows = Scores(results.table, source), list[list[Cell | str]]()
 
+    def among(category: str, line: Line, metric: str) -> list[Head]:
+        heads = [head for head, its, _ in line.cells if its == metric] if rivals is None else rivals
+        return [head for head in heads if source == scoring.MEASURED and (category, *head, metric) in found.rows]
+
+    better = claims.better(
+        results.trainings,
+        {
+            (category, *two, metric)
+            for category, line in itertools.product(categories, lines)
+            for metric in {metric for _, metric, _ in line.cells}
+            for two in itertools.combinations(among(category, line, metric), 2)
+        },
+    )
+
     def cell(category: str, line: Line, head: Head, metric: str, digits: int | None) -> Cell:
-        among = [other for other, its, _ in line.cells if its == metric] if rivals is None else rivals
-        there = [other for other in among if other != head and (category, *other, metric) in found.rows]
-        best = source == scoring.MEASURED and head in among and bool(there)
+        heads = among(category, line, metric)
         text = found.text(category, head, metric, digits, spread and head[1].endswith("L"))
-        return Cell(text, best and all(results.better(category, head, other, metric) > 0 for other in there))
+        beaten = [(category, head, other, metric) in better for other in heads if other != head]
+        return Cell(text, head in heads and bool(beaten) and all(beaten))
 
     for category in categories:
         if any((category, *head, metric) in found.rows for line in lines for head, metric, _ in line.cells):

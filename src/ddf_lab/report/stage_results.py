@@ -8,14 +8,11 @@ from typing import Any
 import pandas as pd
 
 from ddf.core import storage
-from ddf.metrics import cloud_scores
-from ddf_lab.evaluation import groups, paired, paper_results
+from ddf_lab.evaluation import groups, paper_results, seeds
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN", "train_ddf_image": "DDF+image"}
 CLOUDS = {f"{stage.removeprefix('train_')}.safetensors": label for stage, label in MODELS.items()}  # of `pointclouds`
-
-Head = tuple[str, str]  # method, column
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,14 +46,6 @@ class Results:
         """Scores per image of the first training."""
         return self.trainings[0]
 
-    def difference(self, category: str, first: Head, second: Head, metric: str) -> paired.Difference | None:
-        """How the scores of one method and column differ from those of another, see `paired.difference`."""
-        return paired.difference(self.trainings, category, first, second, cloud_scores.METRICS[metric])
-
-    def better(self, category: str, first: Head, second: Head, metric: str) -> int:
-        """1 where the first is better by the rule of `paired.Difference.seen`, -1 where the second is, else 0."""
-        return paired.better(self.difference(category, first, second, metric), cloud_scores.METRICS[metric])
-
     @property
     def categories(self) -> list[str]:
         """Names in the order of the experiment file."""
@@ -76,23 +65,23 @@ def read_results(run: Run) -> Results:
     """
     index = storage.read_json(run.index)
     categories = list(index["categories"])
-    seeds = paired.read_count(run)
-    measured = paired.read_table(run, seeds)
+    count = seeds.read_count(run)
+    measured = seeds.read_table(run, count)
     paper = paper_results.long_table(categories)
     return Results(
         name=run.name,
         index=index,
         table=pd.concat([measured, paper], ignore_index=True) if len(paper) else measured,
-        trainings=[_stored(run.folder("evaluate", seed=seed) / "per_image.csv") for seed in range(seeds)],
+        trainings=[_stored(run.folder("evaluate", seed=seed) / "per_image.csv") for seed in range(count)],
         shapes=_stored(run.folder("evaluate") / "shapes.csv"),
         logs={label: _read_logs(run, model, categories) for model, label in MODELS.items()},
         failures=_read_failures(run, categories),
         stage_seconds={name: _stage_seconds(run, name, categories) for name in STAGES},
         settings=run.sections(),
-        seeds=seeds,
+        seeds=count,
         seconds={label: _test_seconds(run, file, categories) for file, label in CLOUDS.items()},
         further_seconds={
-            label: [training_seconds(_read_logs(run, model, categories, seed)) for seed in range(1, seeds)]
+            label: [training_seconds(_read_logs(run, model, categories, seed)) for seed in range(1, count)]
             for model, label in MODELS.items()
         },
     )

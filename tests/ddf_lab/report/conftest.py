@@ -9,7 +9,7 @@ from _experiment_report import experiment_run, make
 from _fake_experiment import FakeExperiment
 
 from ddf.core import storage
-from ddf_lab.evaluation import paired, scoring
+from ddf_lab.evaluation import scoring, seeds
 from ddf_lab.report import experiment_page, stage_results
 
 
@@ -47,7 +47,7 @@ def seeded(reported):
         shutil.copytree(experiment.artifacts / model, experiment.artifacts / f"{model}_seeds" / "1")
     with contextlib.chdir(folder.parents[2]):
         make("evaluate", dataclasses.replace(run, seed=1))
-        count = experiment.artifacts / "evaluate_seeds" / paired.COUNT
+        count = experiment.artifacts / "evaluate_seeds" / seeds.COUNT
         storage.write_text(count, "2\n")
         experiment_page.write(run, folder.parent / "seeded")
         count.unlink()

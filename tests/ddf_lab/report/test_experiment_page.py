@@ -5,10 +5,10 @@ import re
 import pandas as pd
 from _experiment_report import markdown_tables
 
-from ddf_lab.evaluation import paired, scoring
+from ddf_lab.evaluation import scoring, seeds
 from ddf_lab.report import experiment_page, pages
 
-_FILES = {"README.md", "si3dr.csv", "nearest.svg", "losses.svg"}
+_FILES = {"README.md", "si3dr.csv", "per_image.csv", "nearest.svg", "losses.svg"}
 
 
 def test_every_file_and_category_is_there_and_linked(reported):
@@ -45,11 +45,11 @@ def test_trained_rows_of_several_seeds_are_means_with_their_spread(seeded):
     table = pd.read_csv(both / "si3dr.csv")
     assert tuple(table.columns) == scoring.TABLE_FIELDS
     rows = table[table["source"] == scoring.MEASURED].set_index(["category", "method", "column", "metric"])
-    trained = rows.index.get_level_values("method").isin(paired.TRAINED)
+    trained = rows.index.get_level_values("method").isin(seeds.TRAINED)
     assert (rows["seeds"] == trained + 1).all() and rows[trained]["spread"].notna().all()
     ours = markdown_tables((both / "README.md").read_text())[0]
     row = rows.loc[("chair", "ddf", "Pi_g-L", "chamfer_l2_sq_x1000")]
     assert ours[2][2] == f"{row['value']:.3f} ± {row['spread']:.3f}" and row["spread"] > 0
     assert all(("±" in cell) == line[1].endswith("L") for line in ours[2:] for cell in line[2:])
     same = {path.name for path in first.iterdir() if path.read_bytes() == (both / path.name).read_bytes()}
-    assert same == {path.name for path in first.iterdir()} - {"README.md", "si3dr.csv", "nearest.svg"}
+    assert same == {path.name for path in first.iterdir()} - {"README.md", "si3dr.csv", "per_image.csv", "nearest.svg"}

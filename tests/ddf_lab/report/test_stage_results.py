@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from ddf.core import checks, storage
-from ddf_lab.evaluation import baselines, paired, scoring
+from ddf_lab.evaluation import baselines, scoring, seeds
 from ddf_lab.report import pages, run_sections, stage_results
 
 
@@ -14,7 +14,7 @@ def test_further_seeds_are_evaluated_without_what_no_training_changes(seeded):
     artifacts = Path("artifacts") / "fake"
     first = storage.load_table(artifacts / "evaluate" / "si3dr.csv")[0]
     second = storage.load_table(artifacts / "evaluate_seeds" / "1" / "si3dr.csv")[0]
-    assert set(second["method"]) == set(paired.TRAINED) - {scoring.DDF_ON_MASK} < set(first["method"])
+    assert set(second["method"]) == set(seeds.TRAINED) - {scoring.DDF_ON_MASK} < set(first["method"])
     keys = ["category", "method", "column", "metric"]
     both = [table[table["method"] == baselines.RETRIEVAL].set_index(keys)["value"] for table in (first, second)]
     pd.testing.assert_series_equal(*both)  # the fake's features are those of seed 0

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from ddf.core import checks, storage
-from ddf_lab.evaluation import paired, scoring
+from ddf_lab.evaluation import scoring, seeds
 from ddf_lab.run import Run
 
 RUN = Run(Path("configs/a.yaml"), {})
@@ -25,7 +25,7 @@ THIRD = _table(("ddf", "a", 6.0), ("pc_siren", "a", 5.0), ("retrieval", "a", 2.0
 
 
 def test_mean_and_sample_deviation_of_trained_rows():
-    merged = paired.over_seeds([FIRST, SECOND, THIRD]).set_index("method")
+    merged = seeds.over_seeds([FIRST, SECOND, THIRD]).set_index("method")
     assert merged.loc["ddf", "value"] == pytest.approx(3.0)
     assert merged.loc["ddf", "spread"] == pytest.approx(np.sqrt((4 + 1 + 9) / 2))
     assert merged.loc["pc_siren", ["value", "spread"]].tolist() == pytest.approx([5.0, 1.0])
@@ -35,38 +35,38 @@ def test_mean_and_sample_deviation_of_trained_rows():
 
 
 def test_rows_that_no_training_changes_stay_and_so_does_the_order():
-    merged = paired.over_seeds([FIRST, SECOND])
+    merged = seeds.over_seeds([FIRST, SECOND])
     assert tuple(merged.columns) == scoring.TABLE_FIELDS
     assert merged["method"].tolist() == FIRST["method"].tolist()
     pd.testing.assert_frame_equal(merged.iloc[[1]], FIRST.iloc[[1]])
     assert FIRST["value"].tolist() == [1.0, 9.0, 4.0, 2.0]  # the input is left alone
-    assert paired.over_seeds([FIRST]) is FIRST
+    assert seeds.over_seeds([FIRST]) is FIRST
 
 
 def test_seeds_that_were_not_evaluated_alike_are_refused():
     with pytest.raises(checks.InputError, match=r"seed 2 and seed 0 were not evaluated alike: chair pc_siren Pi_g-L a"):
-        paired.over_seeds([FIRST, SECOND, THIRD[THIRD["method"] != "pc_siren"]])
+        seeds.over_seeds([FIRST, SECOND, THIRD[THIRD["method"] != "pc_siren"]])
     with pytest.raises(checks.InputError, match="seed 1 was evaluated on another number of images"):
-        paired.over_seeds([FIRST, SECOND.assign(images=31)])
+        seeds.over_seeds([FIRST, SECOND.assign(images=31)])
 
 
 def test_tables_are_read_where_the_stage_leaves_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for folder, table in (("evaluate", FIRST), ("evaluate_seeds/1", SECOND)):
         storage.save_table(tmp_path / "artifacts/a" / folder / "si3dr.csv", table, {"fingerprint": "x"})
-    pd.testing.assert_frame_equal(paired.read_table(RUN, 2), paired.over_seeds([FIRST, SECOND]))
-    pd.testing.assert_frame_equal(paired.read_table(RUN, 1), FIRST)
+    pd.testing.assert_frame_equal(seeds.read_table(RUN, 2), seeds.over_seeds([FIRST, SECOND]))
+    pd.testing.assert_frame_equal(seeds.read_table(RUN, 1), FIRST)
     with pytest.raises(FileNotFoundError, match=r"evaluate_seeds/2/si3dr\.csv"):
-        paired.read_table(RUN, 3)
+        seeds.read_table(RUN, 3)
 
 
 def test_the_number_of_seeds_is_what_make_wrote(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert paired.read_count(RUN) == 1
+    assert seeds.read_count(RUN) == 1
     count = tmp_path / "artifacts/a/evaluate_seeds/count"
     storage.write_text(count, "3\n")
-    assert paired.read_count(RUN) == 3
+    assert seeds.read_count(RUN) == 3
     for wrong in ("", "0", "three"):
         count.write_text(wrong)
         with pytest.raises(checks.InputError, match="count: must hold the number of seeds"):
-            paired.read_count(RUN)
+            seeds.read_count(RUN)
