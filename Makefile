@@ -48,7 +48,9 @@ train: $(READY) ## the trainings and what they need, JOBS=4 side by side, each b
 	$(run) --stage train_ddf --stage train_pcsiren --stage train_ddf_image
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)
 publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where git keeps it
-	@$(RUN) -m ddf_lab.report.publish "$$CONFIG"
+	@$(RUN) -m ddf_lab.engine.publish "$$CONFIG"
+stale: $(READY) ## the pages and benchmarks in reports/ that other code than today's made
+	@$(RUN) -m ddf_lab.engine.stale
 dag: $(READY) ## the stages of CONFIG and what each waits for
 	$(run) --dag
 

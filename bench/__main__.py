@@ -10,10 +10,12 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 
 from bench.lib import catalogue, measuring
 from ddf.cli import declare
 from ddf.core import errors
+from ddf_lab.engine import stale
 
 WIDTH, INDENT = 110, 20  # of the listing
 
@@ -47,7 +49,8 @@ def run_one(name: str, arguments: Sequence[str]) -> int:
     options, threads = vars(parser.parse_args(arguments)), getattr(module, "THREADS", 1)
     importlib.import_module("torch").set_num_threads(threads)
     if rows := module.main(**options):
-        measuring.write(name, threads, rows, getattr(module, "KEPT", False))
+        code = stale.of_bench(Path(module.__file__ or ""))
+        measuring.write(name, threads, rows, getattr(module, "KEPT", False), code)
     return 0
 
 

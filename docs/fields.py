@@ -10,7 +10,7 @@ from pathlib import Path
 from PIL import Image
 
 from ddf import cli
-from ddf_lab.report import publish
+from ddf_lab.engine import publish
 
 FIELDS = ("rabbit", "armchair", "airliner", "nested")
 OUTPUTS = ("depth", "normals", "mean_curvature")

@@ -17,7 +17,7 @@ import ddf
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from bench.reconstruction import complete
 from ddf.data.public import manifest
-from ddf_lab.report import publish
+from ddf_lab.engine import publish
 
 CATEGORIES, SHAPES, PER_LINE, SIDE = ("chair", "plane", "car"), 9, 3, 132
 TURNS = (0.0, 110.0)  # degrees from the image's azimuth

@@ -15,8 +15,8 @@ from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
 from ddf.fields import checked_cloud, framed_field, scene_field, shape_field
 from ddf.pictures import field_pictures, picture_strips, shaded
+from ddf_lab.engine import publish
 from ddf_lab.figures import distance_figure, drawing, figure_fields, room_figure, slice_figures
-from ddf_lab.report import publish
 
 SIDE, PER_LINE = 280, 5
 CAMERA = (35.0, 22.0)  # azimuth and elevation, degrees

@@ -98,11 +98,12 @@ def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Map
     return {"what": what, "size": dict(size), **times, "error": dict(error)}
 
 
-def write(name: str, threads: int, rows: Iterable[Row], kept: bool = False) -> None:
+def write(name: str, threads: int, rows: Iterable[Row], kept: bool = False, code: str = "") -> None:
     """`reports/bench/<name>.json` with the machine, threads and versions of the rows, and what all of it took.
 
     Args:
-      rows: each is printed and written as soon as it is there. kept: older rows of other names stay in the file.
+      rows: each is printed and written as soon as it is there. kept: older rows of other names stay in the file, and of
+        the same name what the new one has not. code: what made the rows, see `ddf_lab.engine.stale`.
     """
     file = OUT / f"{name}.json"
     found: list[Row] = storage.read_json(file)["rows"] if kept and file.exists() else []
@@ -116,6 +117,8 @@ def write(name: str, threads: int, rows: Iterable[Row], kept: bool = False) -> N
     OUT.mkdir(parents=True, exist_ok=True)
     for row in rows:
         print(json.dumps({key: row[key] for key in ("what", "size", "error")}, ensure_ascii=False), flush=True)
-        found = [old for old in found if not (kept and old["what"] == row["what"])] + [row]
+        before = next((old for old in found if kept and old["what"] == row["what"]), {})
+        new = {**row, "error": {**before.get("error", {}), **row["error"]}, "code": code}
+        found = [old for old in found if old is not before] + [new]
         told = {**record, "took_s": round(time.perf_counter() - _STARTED, 1), "rows": found}
         file.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")

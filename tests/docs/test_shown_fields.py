@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageSequence
 
 from ddf.pictures import picture_strips
-from ddf_lab.report import publish
+from ddf_lab.engine import publish
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ddf.core import config, errors, notes, processes, provenance, storage
 from ddf_lab.engine import graph
@@ -30,14 +30,18 @@ Make = Callable[[Run], None]
 
 def note(item: graph.Item, checksum: notes.Checksum = storage.checksum) -> notes.Note:
     """The note of the item's last run, as a run of now would write it; its seconds stand in it too."""
-    given = Run.read(item.file)
-    content = {
-        "config": {name: config.plain(given.section(class_of(name))) for name in item.entry.sections},
-        "data": [checksum(path) if Path(path).exists() else None for path in item.inputs],
-        "code": provenance.script_version(f"stages/{item.stage}.py", without=FRAME),
-    }
+    content = {**made_by(item), "data": [checksum(path) if Path(path).exists() else None for path in item.inputs]}
     fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
     return notes.Note(time_path(item.file.stem, item.stage, item.category, item.seed), fingerprint, checksum)
+
+
+def made_by(item: graph.Item) -> dict[str, Any]:
+    """Settings and code of an item, today's."""
+    given = Run.read(item.file)
+    return {
+        "config": {name: config.plain(given.section(class_of(name))) for name in item.entry.sections},
+        "code": provenance.script_version(f"stages/{item.stage}.py", without=FRAME),
+    }
 
 
 def checksums(item: graph.Item) -> notes.Checksums:

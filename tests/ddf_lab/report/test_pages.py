@@ -1,14 +1,12 @@
-"""Pages as Markdown, on their way to reports/, and those that git keeps there: narrow tables, links that hold."""
+"""Pages as Markdown, and those that git keeps: narrow tables, links that hold."""
 
-import json
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from ddf_lab.report import pages, publish
-from ddf_lab.run import Run
+from ddf_lab.report import pages
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = sorted((ROOT / "reports").glob("**/*.md"))
@@ -23,22 +21,6 @@ def test_a_page_has_its_tables_bullets_and_pictures(tmp_path):
         "- one\n- two\n\n![v and code](a.svg)\n\n*v\\* as colour, **bold**, v\\**\n"
     )
     assert (tmp_path / "a.svg").read_bytes() == b"<svg/>"
-
-
-def test_a_page_replaces_the_one_before(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    run = Run(tmp_path / "own.yaml", {"figures": []})
-    with pytest.raises(FileNotFoundError, match=r"artifacts/own/report: no page; `ddf run .*own\.yaml` makes it"):
-        publish.publish(run)
-    run.page.mkdir(parents=True)
-    for name in ("README.md", "a.webp"):
-        (run.page / name).write_text(name)
-    (tmp_path / "reports" / "own").mkdir(parents=True)
-    (tmp_path / "reports" / "own" / "old.svg").write_text("")
-    out = publish.publish(run)
-    assert {path.name for path in out.iterdir()} == {"README.md", "a.webp", publish.INPUTS}
-    assert json.loads((out / publish.INPUTS).read_text()) == publish.shipped("field")
-    assert {"rabbit", "nested"} <= publish.shipped("field").keys()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")

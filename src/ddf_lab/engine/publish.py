@@ -1,6 +1,7 @@
-"""`python -m ddf_lab.report.publish CONFIG` (`make publish`): the page of a run to reports/, where git keeps it.
+"""`python -m ddf_lab.engine.publish CONFIG` (`make publish`): the page of a run to reports/, where git keeps it.
 
-A page whose pictures show fields that come with the package says by `inputs.json` which ones.
+Beside it lies what code made it (`stale`); its first line tells what is older than today's. A page whose pictures show
+fields that come with the package says by `inputs.json` which ones.
 """
 
 import shutil
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from ddf.core import errors, shipped_models, storage
 from ddf.fields import model_files
+from ddf_lab.engine import stale
 from ddf_lab.run import Run
 
 INPUTS = "inputs.json"
@@ -21,6 +23,11 @@ def publish(run: Run, root: Path = Path("reports")) -> Path:
         raise FileNotFoundError(f"{page}: no page; `ddf run {run.file}` makes it")
     shutil.rmtree(out, ignore_errors=True)
     shutil.copytree(page, out)
+    fits = stale.of_page(run, made=True)
+    storage.write_json(out / stale.CODE, fits)
+    if old := [name for name in stale.of_page(run) if name not in fits]:
+        text = (out / "README.md").read_text(encoding="utf-8")
+        storage.write_text(out / "README.md", f"Stale, of older code or settings: {', '.join(old)}.\n\n{text}")
     if "figures" in run.given:
         storage.write_json(out / INPUTS, shipped("field"))
     return out
