@@ -1,0 +1,62 @@
+"""The second calculation of bold cells agrees with the report's and with the pages in git, and sees what is wrong."""
+
+import contextlib
+import dataclasses
+import re
+
+import _recomputed
+import pandas as pd
+import pytest
+
+from ddf_lab.evaluation import claims
+from ddf_lab.report import experiment_page, pages, stage_results
+
+
+@pytest.fixture(scope="module")
+def page(reported, tmp_path_factory):
+    """Of more test shapes, that there be something to claim, and of two trainings."""
+    with contextlib.chdir(reported[2].parents[2]):
+        found = stage_results.read_results(reported[1])
+    scored = pd.concat([found.per_image.assign(id=found.per_image["id"] + str(number)) for number in range(8)])
+    second = scored.assign(chamfer_l2_sq=1.01 * scored["chamfer_l2_sq"], f_score_tau=0.99 * scored["f_score_tau"])
+    both = [scored, second]
+    means = found.table.copy()
+    keys = ["category", "method", "column"]
+    for metric, factor in (("chamfer_l2_sq", 1.005), ("f_score_tau", 0.995)):
+        means.loc[means["metric"].str.startswith(metric), "value"] *= factor
+    folder = tmp_path_factory.mktemp("open")
+    found = dataclasses.replace(found, trainings=both, table=means, seeds=1)
+    pages.write(experiment_page.build(found), folder)
+    (folder / "per_image.csv").write_text(claims.as_text(both))
+    assert set(scored.groupby(keys).groups) == set(_recomputed.Scores(folder).groups)
+    return folder
+
+
+def test_both_calculations_agree_and_something_is_bold(page):
+    assert _recomputed.wrong(page) == []
+    assert "**0." in (page / "README.md").read_text()
+
+
+WRONG = {  # what is put into the page, for what, and what is told
+    r"\*\*(0\.\d+)\*\*": (r"\1", "should be bold"),
+    r"\| (0\.\d\d\d) \|": (r"| **\1** |", "should not be bold"),
+    r"\| 0\.\d\d\d \|": ("| 9.999 |", "9.999 is printed"),
+    r"is best for": ("is better for", "With the true camera"),
+    r": better for": (": best for", "against retrieval"),
+}
+
+
+def test_what_is_wrong_is_told(page, tmp_path):
+    text = (page / "README.md").read_text()
+    for old, (new, _) in WRONG.items():
+        text, count = re.subn(old, new, text, count=1)
+        assert count
+    (tmp_path / "README.md").write_text(text)
+    (tmp_path / "per_image.csv").write_bytes((page / "per_image.csv").read_bytes())
+    told = _recomputed.wrong(tmp_path)
+    assert [said for _, said in WRONG.values() if not any(said in line for line in told)] == []
+
+
+@pytest.mark.parametrize("folder", _recomputed.OPEN, ids=lambda folder: folder.name)
+def test_pages_in_git_say_what_their_scores_per_image_say(folder):
+    assert _recomputed.wrong(folder) == []
