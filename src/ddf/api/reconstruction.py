@@ -167,12 +167,8 @@ def reconstruct(
     return reconstructor(model)(images, n, seed, None if mask is None else Path(mask), background, cameras)
 
 
-def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..., Reconstruction]:
-    """As `reconstruct`, of a model that is loaded once.
-
-    Args:
-      encoded: what stage `pointclouds` made with the model: the shape then moves until its silhouette agrees.
-    """
+def reconstructor(model: str | Path) -> Callable[..., Reconstruction]:
+    """As `reconstruct`, of a model that is loaded once."""
     with extras.named():
         from ddf.data import cutouts
         from ddf.models import line_field
@@ -181,11 +177,6 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
     path = path.parent if path.is_file() else path
     with one_image.timed({}, "model"):
         trained = line_field.load_any(path)
-    deviation = None
-    if encoded is not None:
-        if isinstance(trained, line_field.TrainedImageDDF):
-            raise checks.InputError(f"{encoded}: a model of train_ddf_image has no latent that could move")
-        deviation = one_image.latent_deviation(trained.network, path, encoded)
 
     def of(
         images: Sequence[Path],
@@ -202,7 +193,7 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
         elif len(pictures) > 1 or cameras is not None:
             raise checks.InputError(f"{path}: only models of train_ddf_image take several pictures, or cameras")
         else:
-            found = one_image.reconstruct(trained, pictures[0], n, seed, deviation)
+            found = one_image.reconstruct(trained, pictures[0], n, seed)
         return Reconstruction(found, n, path.name)
 
     return of

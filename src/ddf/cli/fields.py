@@ -30,7 +30,6 @@ def fit(
     minutes: Annotated[float | None, Arg("M", group="budget")] = None,
     steps: Annotated[int | None, Arg("N", group="budget")] = None,
     seed: Annotated[int | None, Arg("S")] = None,
-    threads: Annotated[int | None, Arg("N", parse=arguments.whole_number(1))] = None,
     force: bool = False,
 ) -> dict[str, Any]:
     """Fit a field to a mesh, with held-out errors and a picture beside the mesh, or to what a sensor saw.
@@ -48,8 +47,6 @@ def fit(
       out: gets model.safetensors, log.csv, fit.json, fit.png; an interrupted or longer fit goes on there.
       config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
       seed: of sine: of samples, initial weights and batches.
-      threads: of sine: of the CPU (default: the config's; with --minutes no more than stand idle, and never more than
-        OMP_NUM_THREADS).
       force: replace the field of another mesh in OUT_DIR.
 
     Examples:
@@ -63,7 +60,7 @@ def fit(
     from ddf.fit import fit_settings, fitting, patch_fitting
     from ddf.geometry import mesh_io, posed_depth
 
-    options = {"config": config, "minutes": minutes, "steps": steps, "seed": seed, "threads": threads}
+    options = {"config": config, "minutes": minutes, "steps": steps, "seed": seed}
     of_sine = [name for name, value in options.items() if value is not None]
     if kind == "patches" and of_sine:
         raise checks.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
@@ -91,7 +88,7 @@ def fit(
     if seed is not None:
         settings = dataclasses.replace(settings, loop=dataclasses.replace(settings.loop, seed=seed))
     loaded = mesh_io.load_surface(mesh)
-    used = threads_of(settings.loop.threads, threads, settings.steps is None)
+    used = threads_of(settings.loop.threads, settings.steps is None)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
     few = f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes"
@@ -152,10 +149,8 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
     }
 
 
-def threads_of(configured: int, asked: int | None, timed: bool) -> int:
+def threads_of(configured: int, timed: bool) -> int:
     """Threads of the fit. A fit by steps takes those of its config, for they are part of the result."""
-    if asked is not None:
-        return asked
     limit = os.environ.get("OMP_NUM_THREADS", "")
     threads = min(configured, int(limit)) if limit.isdigit() and int(limit) else configured
     if timed and hasattr(os, "getloadavg"):
@@ -221,18 +216,12 @@ def points(
     out: Annotated[Path, Arg("OUT.ply", writes="file")],
     *,
     points: Points = 5000,
-    cycles: Annotated[int, Arg("H")] = 3,
-    directions: Annotated[int, Arg("N")] = 16,
-    no_normals: bool = False,
     seed: Seed = 0,
 ) -> dict[str, Any]:
     """A point cloud on the surface of a field, with its outward normals.
 
     Args:
       out: gets points and the field's normals there, in the mesh's frame.
-      cycles: projections N_H.
-      directions: tried per point and projection.
-      no_normals: write the points alone, in less time.
 
     Examples:
       ddf points rabbit cloud.ply -n 2000
@@ -244,17 +233,17 @@ def points(
 
     shape = stored_fields.load(field)
     started = time.monotonic()
-    found = stored_fields.points(shape, points, seed, num_directions=directions, cycles=cycles)
-    normals = None if no_normals else surfaces.normals_at(shape, found)
+    found = stored_fields.points(shape, points, seed)
+    normals = surfaces.normals_at(shape, found)
     seconds = time.monotonic() - started
     storage.write_bytes(out, mesh_io.points_ply(found, normals))
-    unknown = 0 if normals is None else int((normals == 0).all(axis=1).sum())
-    words = "without normals" if normals is None else f"with normals of the field {field.name}"
+    unknown = int((normals == 0).all(axis=1).sum())
+    words = f"with normals of the field {field.name}"
     if unknown:
         words += f" (0, 0, 0 at the {unknown:,} that it sees from no side)"
     return {
         "points": len(found),
-        "normals": None if normals is None else f"field {field}",
+        "normals": f"field {field}",
         "without_normal": unknown,
         "seconds": round(seconds, 4),
         "out": out.as_posix(),

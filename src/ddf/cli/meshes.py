@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
-    from ddf.geometry import mesh_io, transforms
 
 FAR = 1e-3  # of the diagonal: what float32 rays may be off by before the user is told
 _BENCHMARK = (0.25, 1.25)  # diagonals of boxes for which the default threshold is meant: benchmark units to v1
@@ -25,10 +24,7 @@ def mesh(
     *,
     faces: Annotated[int, Arg("N")] = 10_000,
     alpha: Annotated[float, Arg("A")] = 0.02,
-    offset: Annotated[float, Arg("D")] = 0.001,
-    wrap: Literal["auto", "always"] = "auto",
     close: Literal["wrap", "holes"] = "wrap",
-    opening: Annotated[float, Arg("W")] = 1.0,
 ) -> dict[str, Any]:
     """Validate, close, decimate and normalise a mesh; say what was lost.
 
@@ -39,10 +35,7 @@ def mesh(
       out: mesh to write, in the field frame (.obj, .ply, .stl, .off, .glb).
       faces: at most this many triangles.
       alpha: openings narrower than this share of the diagonal are closed.
-      offset: distance of the wrap from the surface, share of the diagonal.
-      wrap: auto leaves a mesh alone that is closed already.
       close: holes: fill openings first, and wrap only what is still not closed.
-      opening: --close holes fills openings up to this width, share of the diagonal.
 
     Examples:
       ddf mesh shape.obj closed.ply
@@ -51,8 +44,7 @@ def mesh(
     from ddf.data import mesh_config
     from ddf.geometry import mesh_io
 
-    holes = opening if close == "holes" else 0.0
-    config = mesh_config.MeshesConfig(faces=faces, alpha=alpha, offset=offset, wrap=wrap, holes=holes)
+    config = mesh_config.MeshesConfig(faces=faces, alpha=alpha, holes=close == "holes")
     mesh_io.require_suffix(out.suffix)
     raw = mesh_io.load_surface(source)
     from ddf.core import seeding, storage  # a bad file is refused before these load 0.9 GiB of packages
@@ -136,9 +128,6 @@ def samples(
     *,
     seed: Seed = 0,
     count: Annotated[int, Arg("N")] = 250_000,
-    epsilon: Annotated[float, Arg("E")] = 0.05,
-    box: Literal["tight", "cube"] = "tight",
-    watertight: bool = False,
 ) -> dict[str, Any]:
     """The six types of oriented-point samples of a mesh.
 
@@ -149,9 +138,6 @@ def samples(
       out: gets <type>.positions, ... (docs/formats.md).
       seed: equal seeds, equal bytes.
       count: of types U and A; the others N/2.
-      epsilon: offset of O samples, field units.
-      box: the shape's box or [-1, 1]^3.
-      watertight: close and decimate the mesh first, as `ddf mesh` does.
 
     Examples:
       ddf samples shape.obj samples.safetensors --count 2000
@@ -164,13 +150,13 @@ def samples(
 
     from ddf.core import storage
     from ddf.data.samples import extraction, sample_types
-    from ddf.geometry import mesh_io
+    from ddf.geometry import mesh_io, transforms
 
     counts = {kind: count if kind in "UA" else count // 2 for kind in sample_types.KINDS}
-    config = extraction.SamplesConfig(counts=counts, epsilon_o=epsilon, offsets="fixed", box=box, seed=seed)
+    config = extraction.SamplesConfig(counts=counts, epsilon_o=0.05, offsets="fixed", box="tight", seed=seed)
     raw = mesh_io.load_surface(mesh)
-    in_field_frame, field_from_raw = _field_mesh(raw, watertight)
-    arrays, probes = extraction.extract(in_field_frame, config)
+    field_from_raw, solid = transforms.field_from_mesh(raw.surface_vertices()), mesh_io.without_flat(raw)
+    arrays, probes = extraction.extract(mesh_io.Mesh(field_from_raw.apply(solid.vertices), solid.faces), config)
     metadata = {
         "seed": seed,
         "sources": {mesh.name: storage.checksum(mesh)},
@@ -192,22 +178,6 @@ def samples(
     }
 
 
-def _field_mesh(raw: "mesh_io.Mesh", watertight: bool) -> "tuple[mesh_io.Mesh, transforms.Similarity]":
-    """The mesh in the field frame, and the way there."""
-    from ddf.core import seeding
-    from ddf.geometry import mesh_io, transforms
-
-    if watertight:
-        from ddf.data import mesh_preparation
-
-        config = mesh_preparation.MeshesConfig()
-        prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
-        return prepared.mesh, prepared.field_from_raw
-    field_from_raw = transforms.field_from_mesh(raw.surface_vertices())
-    solid = mesh_io.without_flat(raw)
-    return mesh_io.Mesh(field_from_raw.apply(solid.vertices), solid.faces), field_from_raw
-
-
 @command("mesh", api="meshes:compare")
 def compare(
     pred: Annotated[Path, Arg("PRED")],
@@ -217,7 +187,6 @@ def compare(
     points: Natural = 10_000,
     seed: Annotated[int, Arg("S", parse=arguments.whole_number(0))] = 0,
     relative: bool = False,
-    vertices: bool = False,
 ) -> dict[str, Any]:
     """Chamfer distance and F-scores of two clouds or meshes, nothing scaled.
 
@@ -226,7 +195,6 @@ def compare(
       truth: truth, likewise, in the same frame and units.
       points: drawn on each mesh.
       seed: of these points.
-      vertices: of a mesh, take the vertices instead.
 
     Examples:
       ddf compare cloud.ply truth.ply
@@ -244,13 +212,10 @@ def compare(
         from ddf.geometry import mesh_io
 
         if path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.READ:
-            is_mesh = mesh_io.has_faces(path)
-            if vertices or not is_mesh:
+            if not mesh_io.has_faces(path):
                 found = mesh_io.read_points(path)
-                return found, f"{len(found):,} {'vertices' if is_mesh else 'points'}"
+                return found, f"{len(found):,} points"
         loaded = mesh_io.load(path)
-        if vertices:
-            return loaded.vertices, f"{len(loaded.vertices):,} vertices"
         from ddf.data.samples import draws
 
         drawn, _ = draws.Surface.of(loaded).draw(points, seeding.generator(seed, "compare", stream))

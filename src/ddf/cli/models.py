@@ -94,7 +94,6 @@ def reconstruct(
     seed: int = 0,
     together: bool = False,
     cameras: Annotated[Path | None, Arg("FILE")] = None,
-    known: Annotated[Path | None, Arg("POINTCLOUDS")] = None,
 ) -> dict[str, Any]:
     """Field, mesh, cloud and camera from a picture with a trained model.
 
@@ -111,8 +110,6 @@ def reconstruct(
         for each.
       together: the pictures are of one object, for a model of train_ddf_image; all files are in `OUT`.
       cameras: of the pictures, JSON or transforms.json (docs/formats.md); without it they are predicted.
-      known: what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes vary:
-        the shape then moves until its silhouette agrees with the picture.
 
     Examples:
       ddf reconstruct chair_model/sample_0.png chair my_chair
@@ -128,7 +125,7 @@ def reconstruct(
     groups = [images] if together else [[image] for image in images]
     outs = [out] if together else _folders(images, out)
     results.show_parts()
-    of = reconstruction.reconstructor(model, known)
+    of = reconstruction.reconstructor(model)
     made = []
     for group, folder in zip(groups, outs, strict=True):
         found = of(group, points, seed, mask, background, cameras).save(folder)

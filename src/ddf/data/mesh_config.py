@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from ddf.core import checks, schema
+from ddf.core import schema
 from ddf.core.schema import fixed, setting
 
 # Of a prepared mesh, as `mesh_preparation.measure` gives them.
@@ -14,7 +14,7 @@ LOSSES = ("hausdorff", "mean_distance", "hausdorff_seen", "mean_distance_seen", 
 class MeshesConfig(schema.Checked):
     """Section `meshes`: how raw meshes become training meshes. The others than `shapes` have images alone.
 
-    holes: openings up to this width, share of the diagonal, are filled before anything else; 0 fills none.
+    holes: whether openings are filled before anything else.
     seed: of the points that the loss is measured at, and of the choice of `shapes`.
     """
 
@@ -28,14 +28,9 @@ class MeshesConfig(schema.Checked):
         "auto: what is not closed, the paper's watertight form; never: open sheets and hidden parts stay",
         "app. si3dr",
     )
-    holes: float = fixed(0.0, least=0, most=1)
+    holes: bool = fixed(False)
     measure_points: int = setting(10_000, "points a side for the figures of what was lost", least=1)
     seed: int = fixed(0, least=0)
     shapes: int | None = setting(
         None, "of a category, chosen at random, that are prepared and sampled; null: all", "app. si3dr", least=1
     )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.offset > self.alpha:
-            raise checks.InputError(f"offset must be <= alpha; got {self.offset} and {self.alpha}")

@@ -186,7 +186,7 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
     begin = time.perf_counter()
     unit_from_raw = transforms.field_from_mesh(raw.surface_vertices())
     unit = mesh_topology.clean(Mesh(unit_from_raw.apply(raw.vertices), raw.faces))
-    whole, openings = mesh_topology.fill_openings(unit, config.holes) if config.holes > 0 else (unit, 0)
+    whole, openings = mesh_topology.fill_openings(unit) if config.holes else (unit, 0)
     wrapped = config.wrap == "always" or (config.wrap == "auto" and not mesh_topology.is_sound(whole))
     solid = close(whole, config.alpha, config.offset) if wrapped else whole
     small = decimate(mesh_topology.outward(solid) if config.wrap != "never" else solid, config.faces)

@@ -296,19 +296,16 @@ def entered_openings(mesh: Mesh, wrap: Mesh) -> list[float]:
     return [opening_width(mesh, loop) for loop, out in zip(found, through, strict=True) if out]
 
 
-def fill_openings(mesh: Mesh, largest: float) -> tuple[Mesh, int]:
-    """The mesh with its openings up to the width `largest` (share of the diagonal) filled, and how many they are.
+def fill_openings(mesh: Mesh) -> tuple[Mesh, int]:
+    """The mesh with its openings filled, and how many they are.
 
     An opening is cut into triangles in the plane of its area vector; where its border crosses itself there, triangles
     to the mean of its corners fill it.
     """
     vertices: list[Float[np.ndarray, "n 3"]] = [mesh.vertices]
     faces: list[Int[np.ndarray, "m 3"]] = [mesh.faces]
-    added, count = len(mesh.vertices), 0
-    for loop in opening_loops(mesh):
-        if opening_width(mesh, loop) > largest:
-            continue
-        count += 1
+    added, loops = len(mesh.vertices), opening_loops(mesh)
+    for loop in loops:
         cut = polygons.cut(mesh.vertices[loop]) if len(loop) <= polygons.MAX_CORNERS // 10 else None
         if cut is None:
             vertices.append(mesh.vertices[loop].mean(axis=0)[None])
@@ -316,4 +313,4 @@ def fill_openings(mesh: Mesh, largest: float) -> tuple[Mesh, int]:
             added += 1
         else:
             faces.append(loop[cut])
-    return Mesh(np.concatenate(vertices), np.concatenate(faces)), count
+    return Mesh(np.concatenate(vertices), np.concatenate(faces)), len(loops)

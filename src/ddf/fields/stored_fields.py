@@ -30,11 +30,11 @@ CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`, whose defaults a
 }
 
 
-def cloud_config(**changed: Any) -> "cloud_projection.CloudConfig":
+def cloud_config() -> "cloud_projection.CloudConfig":
     """How clouds are drawn."""
     from ddf.fields import cloud_projection
 
-    return cloud_projection.CloudConfig(**(CLOUD | changed))
+    return cloud_projection.CloudConfig(**CLOUD)
 
 
 def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
@@ -64,7 +64,7 @@ def save(shape: "shape_field.ShapeField | patch_field.PatchField", folder: Path)
 
 
 def points(
-    shape: "shape_field.ShapeField | patch_field.PatchField", count: int, seed: int = 0, **changed: int
+    shape: "shape_field.ShapeField | patch_field.PatchField", count: int, seed: int = 0
 ) -> Float[np.ndarray, "count 3"]:
     """Points on the surface, mesh frame: a network's by projection, patches' by area.
 
@@ -75,4 +75,4 @@ def points(
         return cast("patch_field.PatchField", shape).points(count, seed)
     from ddf.fields import shape_field
 
-    return shape_field.cloud(cast(shape_field.ShapeField, shape), count, cloud_config(**changed), seed)
+    return shape_field.cloud(cast(shape_field.ShapeField, shape), count, cloud_config(), seed)

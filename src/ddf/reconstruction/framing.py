@@ -7,6 +7,7 @@ size; then places are tried again, on a finer grid too. A square picture in whic
 images have it, is left as it is: the search costs accuracy there.
 """
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -99,7 +100,8 @@ def _by_shape(
         views = model.views(image.to(mean), torch.cat((camera[:, :2], mean[None, 2:]), dim=1))
         cloud = line_clouds.draw(line_field.ImageField.of(model.decoder, views), _POINTS, generator)
     else:
-        own, drawn = [m[0] for m in model.modulations(latent)], stored_fields.cloud_config(cycles=1)
+        drawn = dataclasses.replace(stored_fields.cloud_config(), cycles=1)
+        own = [each[0] for each in model.modulations(latent)]
         cloud = cloud_projection.draw(model.field, own, _POINTS, drawn, generator)
     points = (transforms.BENCHMARK_FROM_V1 * mask_descent.scale_from_cloud(cloud) * cloud).double()
     column, row = cameras.project(

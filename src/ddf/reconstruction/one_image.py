@@ -7,25 +7,23 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from ddf.core import checks, storage
+from ddf.core import checks
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, framed_field, model_files, pddf, shape_field, stored_fields
 from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.reconstruction import framing, many_images, mask_descent
+from ddf.reconstruction import framing, mask_descent
 
 LOGGER = logging.getLogger(__name__)
 VIEW = 274  # pixels a side of the framed object, whose colours are kept
 WHOLE = 5000  # points at least whose box gives the shape its scale and its place
 _MARGIN = 0.05  # field units, between the cloud and the field's box
 CAMERA = reconstruction_settings.CorrectionConfig(30, 0.05, 32, ("azimuth",))  # as configs/cpu.yaml has it
-CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
 
 
 @dataclass(frozen=True)
@@ -68,33 +66,16 @@ def box_of(
     return lower, np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, most)
 
 
-def latent_deviation(model: reconstruction_models.DDFModel, folder: Path, encoded: Path) -> Float[Tensor, "z"]:
-    """How latents of the model vary between the training images that stage `pointclouds` encoded.
-
-    Args:
-      folder: of the model, or its file. encoded: folder of the stage for the category, or its file of clouds.
-    """
-    folder = folder.parent if folder.name == model_files.MODEL else folder
-    file = encoded / CLOUDS if encoded.is_dir() else encoded
-    tensors, record = storage.load_tensors(file, "torch")
-    made_with = storage.checksum(folder / model_files.MODEL)
-    if made_with not in record.get("sources", {}).values() or "train_features" not in tensors:
-        raise checks.InputError(f"{file}: was not made with the model in {folder}; run stage pointclouds on it")
-    return mask_descent.latent_deviation(model, tensors["train_features"])
-
-
 def reconstruct(
     trained: reconstruction_models.TrainedDDF,
     pixels: UInt8[np.ndarray, "h w 4"],
     points: int,
     seed: int = 0,
-    deviation: Float[Tensor, "z"] | None = None,
 ) -> Reconstructed:
-    """Frame the object, encode, move the shape towards its silhouette where `deviation` is given, draw the cloud, turn
-    the camera until the cloud's field has that silhouette.
+    """Frame the object, encode, draw the cloud, turn the camera until the cloud's field has the object's silhouette.
 
     Args:
-      pixels: of `cutouts.read`. points: that the cloud must have, 2 or more. deviation: of `latent_deviation`.
+      pixels: of `cutouts.read`. points: that the cloud must have, 2 or more.
     Raises:
       InputError: fewer than 2 points.
     """
@@ -110,12 +91,6 @@ def reconstruct(
         stages, latent, seen_from = reconstruction_models.encode_batch(model, framed)
     score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
     drawn = stored_fields.cloud_config()
-    if deviation is not None:
-        with timed(seconds, "silhouette"):
-            how = reconstruction_settings.ShapeCorrectionConfig()
-            field_scale = many_images.rough_field_scales(model, latent, drawn, [seeded(seed)])
-            alpha = category_data.averaged(framed[:, 3], how.mask_size)
-            latent = mask_descent.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
     with timed(seconds, "cloud"):

@@ -4,7 +4,7 @@ from typing import get_args
 
 from ddf.cli import commands, meshes
 from ddf.data import mesh_config
-from ddf.fields import framed_field, stored_fields
+from ddf.fields import framed_field
 from ddf.fit import surfaces
 from ddf.geometry import mesh_io
 
@@ -18,10 +18,8 @@ def test_lists_and_defaults_are_those_of_the_library():
     }
     assert get_args(at["render", "up"]) == framed_field.UP_AXES
     assert get_args(at["surface", "method"]) == surfaces.METHODS
-    assert at["points", "cycles"] == stored_fields.CLOUD["cycles"]
-    assert at["points", "directions"] == stored_fields.CLOUD["num_directions"]
     prepared = mesh_config.MeshesConfig()
-    for name in ("faces", "alpha", "offset"):
+    for name in ("faces", "alpha"):
         assert at["mesh", name] == getattr(prepared, name)
     said = meshes.mesh.docstring.arguments
     assert said["source"] == f"mesh to read ({', '.join(mesh_io.READ)})"

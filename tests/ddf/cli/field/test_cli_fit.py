@@ -49,20 +49,19 @@ def test_minutes_take_about_that_long_and_few_steps_are_said(work, shown):
 
 
 @pytest.mark.parametrize(
-    ("asked", "timed", "load", "limit", "threads"),
+    ("timed", "load", "limit", "threads"),
     [
-        (None, True, 0.2, "", 2),  # idle
-        (None, True, 7.0, "", 1),  # busy
-        (None, False, 7.0, "", 2),  # by steps: part of the result
-        (None, False, 0.0, "1", 1),
-        (3, True, 7.0, "1", 3),
+        (True, 0.2, "", 2),  # idle
+        (True, 7.0, "", 1),  # busy
+        (False, 7.0, "", 2),  # by steps: part of the result
+        (False, 0.0, "1", 1),
     ],
 )
-def test_threads_are_those_asked_for_allowed_and_idle(asked, timed, load, limit, threads, monkeypatch):
+def test_threads_are_those_that_are_allowed_and_idle(timed, load, limit, threads, monkeypatch):
     monkeypatch.setattr(fields.os, "getloadavg", lambda: (load, 0, 0))
     monkeypatch.setattr(fields.os, "cpu_count", lambda: 4)
     monkeypatch.setenv("OMP_NUM_THREADS", limit)
-    assert fields.threads_of(2, asked, timed) == threads
+    assert fields.threads_of(2, timed) == threads
 
 
 def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path, monkeypatch):

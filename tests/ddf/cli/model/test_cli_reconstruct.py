@@ -1,6 +1,5 @@
 """`ddf reconstruct`."""
 
-import dataclasses
 import json
 import shutil
 
@@ -11,12 +10,12 @@ import torch
 from PIL import Image
 
 import ddf
-from ddf.core import provenance, shipped_models, storage
+from ddf.core import shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import model_files
 from ddf.geometry import mesh_io
 from ddf.models import out_of_distribution, reconstruction_models
-from ddf.reconstruction import framing, mask_descent
+from ddf.reconstruction import framing
 
 
 @pytest.fixture
@@ -28,18 +27,6 @@ def model_dir(tmp_path):
 def image(tmp_path):
     Image.fromarray(np.random.default_rng(0).integers(1, 255, (60, 90, 4), dtype=np.uint8)).save(tmp_path / "one.png")
     return tmp_path / "one.png"
-
-
-@pytest.fixture
-def known(model_dir, tmp_path):
-    """The folder of a file as stage `pointclouds` writes it, of the model."""
-    model = reconstruction_models.load_ddf(model_dir).network
-    images = torch.rand(3, 4, 32, 32, generator=torch.Generator().manual_seed(0))
-    with torch.no_grad():
-        features = model.shape_encoder.stages(images)[-1]
-    record = provenance.record("x", 0, [model_dir / model_files.MODEL])
-    storage.save_tensors(tmp_path / "known" / "ddf.safetensors", {"train_features": features}, record)
-    return tmp_path / "known"
 
 
 def test_reconstruct_writes_a_thing(tmp_path, answer):
@@ -90,30 +77,6 @@ def test_how_many_points_are_asked_for_changes_no_field():
     for a, b in zip(few.field.box, usual.field.box, strict=True):
         assert a.tolist() == b.tolist()
     assert 0.95 < np.linalg.norm(np.subtract(*few.field.box)) < 1.2  # of a shape with diagonal 1
-
-
-def test_with_what_is_known_the_shape_moves_and_the_camera_stays(
-    model_dir, image, known, tmp_path, answer, monkeypatch
-):
-    # without its own descent, which asks the shape that moved
-    monkeypatch.setattr(mask_descent, "correct_camera", lambda model, batch, camera, *_: camera)
-    results, points = [], []
-    for name, more in (("plain", []), ("folder", [known]), ("file", [known / "ddf.safetensors"])):
-        words = ("reconstruct", image, model_dir, tmp_path / name, "-n", 300)
-        results.append(answer(*words, *(["--known", *more] if more else [])))
-        points.append(mesh_io.read_points(tmp_path / name / "cloud.ply"))
-    plain, folder, file = results
-    assert plain["camera"] == folder["camera"] == file["camera"]
-    assert ["silhouette" in result["seconds"] for result in results] == [False, True, True]
-    assert np.array_equal(points[1], points[2]) and not np.array_equal(points[0], points[1])
-
-
-def test_what_is_known_of_another_model_is_refused(image, known, tmp_path, refusal, monkeypatch):
-    monkeypatch.setattr(_models, "TRAIN", dataclasses.replace(_models.TRAIN, latent_features=7))
-    other = _models.write_model(tmp_path / "other")
-    error = refusal("reconstruct", image, other, tmp_path / "out", "--known", known)
-    assert "was not made with the model in" in error and "run stage pointclouds" in error
-    assert not (tmp_path / "out").exists()
 
 
 def test_folder_without_a_ddf_model_is_refused(model_dir, image, tmp_path, refusal):
