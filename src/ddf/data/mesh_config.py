@@ -25,7 +25,7 @@ class MeshesConfig(schema.Checked):
     offset: float = fixed(0.001, least=1e-5)
     wrap: Literal["auto", "always", "never"] = setting(
         "auto",
-        "auto: what is not closed, the paper's watertight form; never: open sheets and hidden parts stay",
+        "auto: CGAL's alpha wrap of what is not one closed surface (the paper: Kaolin's form); never: all stays",
         "app. si3dr",
     )
     holes: bool = fixed(False)

@@ -2,10 +2,12 @@
 
 For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
 visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p
-points the n_p most visible are kept. A q outside the box B, which holds the shape, is no hit and is kept last (derived
-here). Positions are in the field frame.
+points the n_p most visible are kept. B is the box. Positions are in the field frame.
 
-Six departures, each off in the paper's way (derived here):
+Three departures are always on (derived here): a hit more than `BEYOND` outside the box has ξ = 0, every one outside it
+starts the next cycle from its side, and where the weighted mean of directions all but vanishes the heaviest is taken.
+
+Six are each off in the paper's way (derived here):
 - On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
   next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
 - A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from

@@ -26,8 +26,8 @@ class VAEConfig(schema.Checked):
     batch_size: int = setting(32, "shapes of a step", _GENMODEL, least=2)
     steps: int = setting(100_000, "steps of training", _GENMODEL, least=1)
     counts: dict[str, int] = setting(
-        {"U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300, "E": 1000},
-        "oriented points per shape in a batch; E without truth; with +: values alone",
+        {"U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300, "E": 31},
+        "oriented points per shape in a batch; E without truth, which the paper's VAE has not; with +: values alone",
         _GENMODEL,
     )
     weights: losses.LossWeights = setting(
@@ -76,7 +76,7 @@ class GANConfig(schema.Checked):
     )
     noise_features: int = setting(128, "of the 2D GAN", _GENMODEL, least=1)
     batch_size: int = setting(32, "images of a step, as GIRAFFE and pi-GAN have it", least=2)
-    gradient_penalty: float = setting(10.0, "of E‖∇D‖² on real images, as GIRAFFE has it", least=0)
+    gradient_penalty: float = setting(10.0, "of E‖∇D‖² on real images", _GENMODEL, least=0)
     steps: int = setting(100_000, "of both GANs", _GENMODEL, least=1)
     loop: loop_config.LoopConfig = setting(loop_config.LoopConfig(), "how they are optimised", _GENMODEL)
 
@@ -99,7 +99,7 @@ class ScoresConfig(schema.Checked):
     """
 
     features: FeaturesConfig = setting(FeaturesConfig(), "the image network that images are compared by")
-    images: int = setting(10_000, "of each model", least=2)
+    images: int = setting(10_000, "of each model; the paper's FID is of 50,000", least=2)
     subsets: int = setting(100, "of KID", least=2)
     auto_steps: int = setting(2000, "of latents that are optimised on each held-out shape", least=1)
     auto_learning_rate: float = fixed(0.03, above=0)

@@ -28,7 +28,7 @@ from ddf.fields import losses, model_files
 from ddf.models import generated_images, generative_models, generative_settings, image_networks
 from ddf.training import shape_data
 
-CRITIC_STEPS = 2  # of a step, before the one of the generator; the paper gives none
+CRITIC_STEPS = 2  # of a step, before the one of the generator. Source: [DDF22] app. genmodel
 FEATURES = "image_features"  # kind of the record of the image network's file
 _CHUNK = 256  # images at a time; memory only
 

@@ -93,7 +93,10 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         rows,
         labels=2,
     )
-    said = "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do."
+    said = (
+        "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do. g_v: the least of its "
+        "depths, where the paper's mean is soft, and η_T = 0.05, which flatters it."
+    )
     return pages.Section("Unsigned distances and v*", [figure, table, said])
 
 

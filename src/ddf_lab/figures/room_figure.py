@@ -41,7 +41,8 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     rows.append(picture_strips.StripRow("exact", ("rays cast against the mesh",), exact))
     figure = pages.Figure(
         "room.webp",
-        "The camera enters the room and ends within the rabbit. Colours are normals.",
+        "The camera enters the room and ends within the rabbit. Colours are normals. Composed: the nearest field's "
+        "answer, not the paper's softmax.",
         "Six cameras on a way into a room and into a rabbit: composite, one field, exact",
         picture_strips.strip([f"camera {i + 1}" for i in range(FRAMES)], rows, per_line=FRAMES),
     )

@@ -114,7 +114,7 @@ def _prior(results: _Results) -> pages.Section:
     named = {"samples of the prior": "chamfer_x1000", "learned shapes, to another one": "between_learned_x1000"}
     rows = [[label, *(f"{own:.3f}" for own in generative_shapes.spread(found[key]))] for label, key in named.items()]
     copies = pages.Table(
-        "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row.",
+        "D<sub>C</sub> x 1000 of clouds.",
         ["distance to the nearest learned shape", "least", "median", "largest"],
         rows,
     )
