@@ -255,7 +255,7 @@ def nearest(given: Case, known: Sequence[Float[np.ndarray, "n 3"]]) -> dict[str,
 
 def align(cloud: Float[np.ndarray, "n 3"], hits: Float[np.ndarray, "m 3"]) -> tuple[np.ndarray, float]:
     """The cloud laid over the hits by trimmed point-to-point ICP with a scale, and their mean distance to it."""
-    tree, moved, keep = neighbours.tree(cloud), hits, max(3, int(ICP_KEPT * len(hits)))
+    tree, moved, keep = neighbours.Tree(cloud), hits, max(3, int(ICP_KEPT * len(hits)))
     for _ in range(ICP_STEPS):
         index, dist_sq = (each[:, 0] for each in tree.search(moved, 1))
         kept = np.argsort(dist_sq)[:keep]

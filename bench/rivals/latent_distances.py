@@ -146,7 +146,7 @@ class Evidence:
         way = near[index] + (end - near)[index] * rng.random(FREE)
         free = starts[index] + way[:, None] * along[index]
         hits = inverse.apply(scan.points)
-        reach = np.sqrt(neighbours.tree(hits).search(free, 1)[1][:, 0])
+        reach = np.sqrt(neighbours.Tree(hits).search(free, 1)[1][:, 0])
         return cls(*(torch.from_numpy(each).float() for each in (hits, free, reach)))
 
 

@@ -58,7 +58,7 @@ def flat_discs(points: Float[np.ndarray, "n 3"], count: int) -> Discs:
     """
     if len(points) <= count:
         return Discs(points, np.zeros_like(points), np.zeros(len(points)))
-    index, dist_sq = neighbours.tree(points).search(points, count)
+    index, dist_sq = neighbours.Tree(points).search(points, count)
     around = points[index]
     centre = around.mean(axis=1)
     offsets = around - centre[:, None]
@@ -116,11 +116,11 @@ def surest(hits: Float[np.ndarray, "n 3"], doubts: Float[np.ndarray, "n"], large
     hits, doubts = hits[kept], doubts[kept]
     if len(hits) <= RIVALS:
         return hits
-    index, _ = neighbours.tree(hits).search(hits, RIVALS + 1)
+    index, _ = neighbours.Tree(hits).search(hits, RIVALS + 1)
     hits = hits[(doubts[index] < doubts[:, None]).sum(axis=1) < SURER_RIVALS * RIVALS]
     if len(hits) <= PLANE_HITS:
         return hits
-    _, dist_sq = neighbours.tree(hits).search(hits, PLANE_HITS)
+    _, dist_sq = neighbours.Tree(hits).search(hits, PLANE_HITS)
     reach = np.sqrt(dist_sq.max(axis=1))
     return hits[reach <= LONELY * np.median(reach)]
 
