@@ -45,7 +45,7 @@ def measure(
         **score_shapes(vae, parts, run, section),
         "images": score_images(network, pictured, made, section),
     }
-    return results, draw(gan, rival, pictured, sampled, results["prior"]["nearest"], section)
+    return results, draw(gan, rival, pictured, sampled, results["nearest"], section)
 
 
 def score_shapes(
@@ -72,11 +72,11 @@ def score_shapes(
     prior = generated_images.latents(count, vae.config.latent_features, section.seed, "samples")
     fields = generated_images.fields(vae.decoder, prior)
     drawn = generative_shapes.of_fields(fields, [float(vae.field_scale)] * count, section.cloud_points, section.seed)
-    others = [known[row] for row in generative_shapes.spaced(len(known), like)]
+    others = [known[row] for row in np.linspace(0, len(known) - 1, min(like, len(known))).round().astype(int)]
     return {
         "held_out": found,
         "divergence": generative_shapes.divergence(vae, learned, section.seed),
-        "prior": generative_shapes.novelty(drawn[: section.samples], known, parts.learned, like),
+        "nearest": [parts.learned[row] for row in generative_shapes.nearest(drawn[: section.samples], known)],
         "distribution": {
             "prior": generative_shapes.distribution(drawn[:like], truth),
             "learned": generative_shapes.distribution(others, truth),

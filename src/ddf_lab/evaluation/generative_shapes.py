@@ -8,7 +8,6 @@ the benchmark frame (0.57 x v1, `metrics`). Distances between shapes are D_C, a 
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -113,29 +112,9 @@ def chamfer(one: neighbours.Neighbours, other: neighbours.Neighbours) -> float:
     return cloud_scores.chamfer_l2_sq(other.dist_sq(one), one.dist_sq(other))
 
 
-def nearest(clouds: Clouds, others: Clouds, same: Sequence[int] | None = None) -> list[tuple[int, float]]:
-    """The nearest of the others to each cloud, and its D_C x 1000.
-
-    Args:
-      same: of each cloud its own number among the others, which does not count.
-    """
-    distances = np.array([[chamfer(cloud, other) for other in others] for cloud in clouds])
-    if same is not None:
-        distances[range(len(clouds)), same] = np.inf
-    return list(zip(distances.argmin(axis=1).tolist(), (1000 * distances.min(axis=1)).tolist(), strict=True))
-
-
-def novelty(samples: Clouds, learned: Clouds, ids: Sequence[str], pairs: int) -> dict[str, Any]:
-    """How far samples are from the nearest learned shape, against how far some learned shapes are from theirs."""
-    rows, at = zip(*nearest(samples, learned), strict=True)
-    some = spaced(len(learned), pairs)
-    between = [distance for _, distance in nearest([learned[row] for row in some], learned, some)]
-    return {"nearest": [ids[row] for row in rows], "chamfer_x1000": list(at), "between_learned_x1000": between}
-
-
-def spaced(total: int, count: int) -> list[int]:
-    """So many of `total` numbers from 0 on, or all, at even distances."""
-    return np.linspace(0, total - 1, min(count, total)).round().astype(int).tolist()
+def nearest(clouds: Clouds, others: Clouds) -> list[int]:
+    """Which of the others is the nearest to each cloud, by D_C."""
+    return [int(np.argmin([chamfer(cloud, other) for other in others])) for cloud in clouds]
 
 
 def distribution(made: Clouds, truth: Clouds) -> dict[str, float]:
@@ -163,8 +142,3 @@ def distribution(made: Clouds, truth: Clouds) -> dict[str, float]:
         "told_apart": float((own[distances.argmin(1)] == own).mean()),
         "energy_x1000": 1000 * float(2 * apart[own][:, ~own].mean() - sum(within)),
     }
-
-
-def spread(values: Sequence[float]) -> Float[np.ndarray, "3"]:
-    """Least, median and largest."""
-    return np.quantile(np.asarray(values, dtype=np.float64), [0.0, 0.5, 1.0])

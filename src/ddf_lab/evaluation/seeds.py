@@ -29,11 +29,7 @@ def read_count(run: Run) -> int:
 
 
 def read_table(run: Run, seeds: int) -> pd.DataFrame:
-    """The measured long table of the first `seeds` seeds, see `over_seeds`.
-
-    Raises:
-      FileNotFoundError, InputError: a seed was not evaluated, or its table is damaged or does not fit the others.
-    """
+    """The measured long table of the first `seeds` seeds, see `over_seeds`."""
     folders = [run.folder("evaluate", seed=seed) for seed in range(seeds)]
     return over_seeds([storage.load_table(folder / "si3dr.csv")[0] for folder in folders])
 
@@ -43,26 +39,17 @@ def over_seeds(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
     There `value` is the mean over seeds of the means over images, `spread` the sample standard deviation over seeds and
     `seeds` their number. Other rows, which no training changes, stay as seed 0, the first, has them. One table alone is
-    returned as it is.
-
-    Raises:
-      InputError: a seed has other trained rows, or another number of images, than seed 0.
+    returned as it is. InputError where a seed has no such row, or one of other images.
     """
-    first, values = tables[0], []
+    first, trained = tables[0], tables[0]["method"].isin(TRAINED)
     if len(tables) == 1:
         return first
-    trained = first["method"].isin(TRAINED)
     own = first[trained].set_index(_KEYS)
-    for seed, table in enumerate(tables):
-        rows = table[table["method"].isin(TRAINED)].set_index(_KEYS)
-        odd = rows.index.symmetric_difference(own.index)
-        if len(odd):
+    rows = [table.set_index(_KEYS).reindex(own.index) for table in tables]
+    for seed, each in enumerate(rows):
+        if len(odd := own.index[each["images"] != own["images"]]):
             raise checks.InputError(f"seed {seed} and seed 0 were not evaluated alike: {' '.join(map(str, odd[0]))}")
-        rows = rows.loc[own.index]
-        if (rows["images"] != own["images"]).any():
-            raise checks.InputError(f"seed {seed} was evaluated on another number of images than seed 0")
-        values.append(rows["value"].to_numpy(dtype=np.float64))
-    merged = first.copy()
+    values, merged = [each["value"].to_numpy(dtype=np.float64) for each in rows], first.copy()
     merged.loc[trained, "value"] = np.mean(values, axis=0)
     merged.loc[trained, "spread"] = np.std(values, axis=0, ddof=1)
     merged.loc[trained, "seeds"] = len(tables)

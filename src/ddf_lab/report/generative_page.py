@@ -15,7 +15,7 @@ from ddf.metrics import cloud_scores
 from ddf.models import generated_images, generative_settings
 from ddf.pictures import picture_strips
 from ddf.training import training_loop
-from ddf_lab.evaluation import generative_scores, generative_shapes
+from ddf_lab.evaluation import generative_scores
 from ddf_lab.report import pages
 from ddf_lab.run import Run
 
@@ -110,15 +110,7 @@ def _shapes(results: _Results) -> pages.Section:
 
 
 def _prior(results: _Results) -> pages.Section:
-    found, alike = results.scores["prior"], results.scores["distribution"]
-    named = {"samples of the prior": "chamfer_x1000", "learned shapes, to another one": "between_learned_x1000"}
-    rows = [[label, *(f"{own:.3f}" for own in generative_shapes.spread(found[key]))] for label, key in named.items()]
-    copies = pages.Table(
-        "D<sub>C</sub> x 1000 of clouds.",
-        ["distance to the nearest learned shape", "least", "median", "largest"],
-        rows,
-    )
-    rows = []
+    alike, rows = results.scores["distribution"], []
     for key, label in (("prior", "samples of the prior"), ("learned", "learned shapes")):
         shares = [f"{100 * alike[key][share]:.0f}" for share in ("coverage", "told_apart")]
         rows.append([label, f"{alike[key]['matching_x1000']:.3f}", *shares])
@@ -127,7 +119,7 @@ def _prior(results: _Results) -> pages.Section:
         "nearest. COV: held-out shapes that are the nearest to one of them, %. 1-NNA: shapes of both sets whose "
         "nearest other one is of their own set, %; 50 is best."
     )
-    return pages.Section("Samples as a set", [pages.Table(caption, ["", "MMD ↓", "COV ↑", "1-NNA"], rows), copies])
+    return pages.Section("Samples as a set", [pages.Table(caption, ["", "MMD ↓", "COV ↑", "1-NNA"], rows)])
 
 
 def _images(results: _Results) -> pages.Section:

@@ -182,7 +182,7 @@ def one_cycle_section(results: Results) -> Section:
 
 
 def baselines_section(results: Results) -> Section:
-    """The table of all rows: what the numbers of the models mean."""
+    """Ceiling, retrievals, all models and the mean shape at the true camera: what the numbers of the models mean."""
     reading = (
         "Ceiling: a random subset of the truth against all of it.",
         "Oracle retrieval knows the truth: the training shape with the smallest D<sub>C</sub>.",
@@ -190,12 +190,6 @@ def baselines_section(results: Results) -> Section:
         "The mean shape is points of all training clouds together or one training shape, whichever is nearer to the "
         "validation shapes.",
     )
-    table = baselines_table(results)
-    return Section("Baselines and ceilings", [*([table] if table else []), reading])
-
-
-def baselines_table(results: Results) -> Table | None:
-    """Ceiling, retrievals, all models and the mean shape at the true camera."""
     lines = [
         scores.Line(scores.METHOD_LABELS[method], [((method, "Pi_g-L"), metric, None) for metric in _JUDGED])
         for method in BASELINES
@@ -206,7 +200,8 @@ def baselines_table(results: Results) -> Table | None:
         "have 0.52 (Rayleigh). More rows and S points: [si3dr.csv](si3dr.csv)."
     )
     rivals = [(method, "Pi_g-L") for method in _COMPETITORS]
-    return scores.table(results, results.groups, lines, ["", *_JUDGED.values()], caption, rivals)
+    table = scores.table(results, results.groups, lines, ["", *_JUDGED.values()], caption, rivals)
+    return Section("Baselines and ceilings", [*([table] if table else []), reading])
 
 
 def nearest_section(results: Results) -> Section:

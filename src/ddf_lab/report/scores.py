@@ -50,11 +50,6 @@ class Scores:
         keys = ["category", "method", "column", "metric"]
         self.rows = {tuple(row[key] for key in keys): row for row in chosen.to_dict("records")}
 
-    def value(self, category: str, head: Head, metric: str) -> float | None:
-        """The number, or None where the source has none."""
-        row = self.rows.get((category, *head, metric))
-        return None if row is None else float(row["value"])
-
     def text(self, category: str, head: Head, metric: str, digits: int | None = None, spread: bool = False) -> str:
         """The number as printed, with `spread` as `mean ± standard deviation` where it is a mean over seeds; a dash
         where there is none.

@@ -25,7 +25,7 @@ def _scores(in_order, told_apart):
             "prior": {"matching_x1000": 0.25, "coverage": 0.5, "told_apart": told_apart},
             "learned": {"matching_x1000": 0.125, "coverage": 0.75, "told_apart": 0.5},
         },
-        "prior": {"nearest": ["a"], "chamfer_x1000": [1.0, 2.0], "between_learned_x1000": [0.5, 1.5, 2.5]},
+        "nearest": ["a"],
         "images": {
             "rows": {name: {"kid": kid, "kid_spread": 0.001} for name, kid in kids.items()},
             "in_order": in_order,
