@@ -109,11 +109,11 @@ def wrong(folder: Path) -> list[str]:
             best = bool(others) and all((cell, other) in better for other in others)
             if best != cells[cell].startswith("**"):
                 found.append(f"{cell}: {cells[cell]} should {'' if best else 'not '}be bold")
-    return found + [f"{line!r} is not said" for line in said_of(scores, text) if line not in text]
+    return found + [f"{line!r} is not said" for line in said_of(text) if line not in text]
 
 
-def said_of(scores: Scores, text: str) -> Iterator[str]:
-    """The sentences of the verdict and those against retrieval."""
+def said_of(text: str) -> Iterator[str]:
+    """The sentences of the verdict."""
     first = next(tables(text))
     categories = list(dict.fromkeys(cell[0] for cell in first))
     for where, column in (("true", "Pi_g-L"), ("predicted", "Pi_pred-L")):
@@ -132,15 +132,6 @@ def said_of(scores: Scores, text: str) -> Iterator[str]:
             ]
             said += [f"{name} is best for {_listed(won)}"] if won else []
         yield f"With the {where} camera, {'; '.join(said)}" if said else f"With the {where} camera, no model is better"
-    metric = "D<sub>C</sub> ↓"
-    cells = {(group, method): (group, method, "Pi_g-L", metric) for group in categories for method in ROWS.values()}
-    pairs = {(cells[group, method], cells[group, "retrieval"]) for group in categories for method in MODELS.values()}
-    better = scores.better(pairs)
-    for name, method in MODELS.items():
-        won = [group for group in categories if (cells[group, method], cells[group, "retrieval"]) in better]
-        rest = [group for group in categories if group not in won]
-        parts = [f"{how} for {_listed(names)}" for how, names in (("better", won), ("not", rest)) if names]
-        yield f"- {name} against retrieval of a training shape (D<sub>C</sub>, true camera, L): {'; '.join(parts)}."
 
 
 def _listed(names: list[str]) -> str:

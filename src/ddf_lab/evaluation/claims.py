@@ -90,9 +90,7 @@ def of_tables(
     Args:
       tables: per_image.csv of every training, in their order. A method that no training changes is in the first alone.
     Returns:
-      None where either has no score.
-    Raises:
-      InputError: they were not scored on the same images, or trainings not on the same shapes.
+      None where either has no score. InputError: they were not scored on the same images.
     """
     own, other = (
         [

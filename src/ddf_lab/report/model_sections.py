@@ -23,6 +23,7 @@ BASELINES = (
     baselines.MEAN_SHAPE,
 )
 _COMPETITORS = BASELINES[2:]
+NEAR = 90  # F(τ) x 100 of a training shape that is a test shape's relative
 _CHAMFER, _F_SCORE = "chamfer_l2_sq_x1000", "f_score_tau_x100"
 _COMPARED = {_CHAMFER: "D<sub>C</sub>", _F_SCORE: "F<sub>τ</sub>"}
 _ARROWS = {metric: scores.LABELS[metric] for metric in _COMPARED}
@@ -117,7 +118,6 @@ def results_section(results: Results) -> Section:
             labels=_ARROWS,
         ),
         seconds(results),
-        against_retrieval(results),
         scores.pairs(
             results,
             results.categories,
@@ -138,20 +138,6 @@ def reading(results: Results) -> tuple[str, ...]:
     if results.seeds > 1:
         over = f"and over {results.seeds} trainings, unpaired"
     return tuple(text.format(tau=cloud_scores.TAU_SQ, large=large, small=small, over=over) for text in _READING)
-
-
-def against_retrieval(results: Results) -> tuple[str, ...]:
-    """For which categories each model is better than retrieval, and for which no difference is seen in its favour."""
-    rival, said = (baselines.RETRIEVAL, "Pi_g-L"), list[str]()
-    asked = {(each, (method, "Pi_g-L"), rival, _CHAMFER) for each in results.groups for _, method in MODELS}
-    better = claims.better(results.trainings, asked)
-    for label, method in MODELS:
-        won = [each for each in results.groups if (each, (method, "Pi_g-L"), rival, _CHAMFER) in better]
-        rest = [each for each in results.groups if each not in won]
-        parts = ([f"better for {_listed(won)}"] if won else []) + ([f"not for {_listed(rest)}"] if rest else [])
-        where = "(D<sub>C</sub>, true camera, L)"
-        said.append(f"{label} against retrieval of a training shape {where}: {'; '.join(parts)}.")
-    return tuple(said)
 
 
 def seconds(results: Results) -> Table | None:
@@ -217,7 +203,8 @@ def nearest_section(results: Results) -> Section:
     reading = (
         "A model that is only right near what it learned rises with the line: correlation near 1, few shapes above it."
     )
-    return Section("Far from the training shapes", [dots, nearest_table(found), reading])
+    near = relatives_table(found)
+    return Section("Far from the training shapes", [dots, nearest_table(found), reading, *([near] if near else [])])
 
 
 def by_shape(results: Results, group: str) -> pd.DataFrame:
@@ -229,6 +216,19 @@ def by_shape(results: Results, group: str) -> pd.DataFrame:
         return metric.factor * pd.concat(tables).groupby("id")[metric.score].mean()
 
     return pd.DataFrame({"nearest": means(baselines.ORACLE)} | {method: means(method) for _, method in MODELS})
+
+
+def relatives_table(found: Mapping[str, pd.DataFrame]) -> Table | None:
+    """Means over test shapes with a near relative among the training shapes, and over the others; None without any."""
+    rows: list[Sequence[str]] = []
+    for group, own in found.items():
+        near = own["nearest"] > NEAR
+        for label, part in (("near", own[near]), ("others", own[~near])) if near.any() else ():
+            scored = (scores.number(float(part[name].mean()), 2) for name in own)
+            rows.append([group if label == "near" else "", label, str(len(part)), *scored])
+    caption = f"F(τ) over shapes. Near: the nearest training shape has more than {NEAR}, a variant of the same object."
+    header = ["", "relatives", "shapes", "nearest training shape", *(name for name, _ in MODELS)]
+    return Table(caption, header, rows, labels=2) if rows else None
 
 
 def nearest_table(found: Mapping[str, pd.DataFrame]) -> Table:

@@ -2,14 +2,13 @@
 
 import dataclasses
 import os
-import statistics
 from collections.abc import Mapping
 from typing import Any
 
 from ddf.core import config, schema
 from ddf.metrics.camera_errors import ERRORS
 from ddf_lab.evaluation import groups, scoring
-from ddf_lab.report import figures, scores, stage_results
+from ddf_lab.report import figures, scores
 from ddf_lab.report.pages import Block, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
@@ -82,14 +81,12 @@ def training_section(results: Results) -> Section:
 
 
 def budget(results: Results) -> str:
-    """The wall time that each model trained for, over all categories; of several seeds the median."""
+    """The wall time that each model trained for, over all categories."""
     seconds = {
-        model: statistics.median([stage_results.training_seconds(logs), *results.further_seconds.get(model, [])])
-        for model, logs in results.logs.items()
+        model: sum(float(log["seconds"].iloc[-1]) for log in logs.values()) for model, logs in results.logs.items()
     }
     spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
-    over = f", medians over the {results.seeds} seeds" if results.seeds > 1 else ""
-    return f"Wall time of the trainings, summed over categories{over}: {spent}."
+    return f"Wall time of the trainings, summed over categories: {spent}."
 
 
 def data_section(results: Results) -> Section:

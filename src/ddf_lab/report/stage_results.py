@@ -22,8 +22,7 @@ class Results:
     `table` has means over `seeds` trainings, `trainings` the scores per image of each; all else is of seed 0. settings:
     all sections with their defaults. stage_seconds: of the last runs of each stage, over categories; None where one has
     no note. seconds: wall time of a test image, by model and part, mean over categories.
-    further_seconds: of each model, what a training of all categories took with each of the further seeds. strips: by
-    category, as WebP, from `rendered` images each; `example_strips.drawn` adds these.
+    strips: by category, as WebP, from `rendered` images each; `example_strips.drawn` adds these.
     """
 
     name: str
@@ -37,7 +36,6 @@ class Results:
     settings: Mapping[str, Any]
     seeds: int = 1
     seconds: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
-    further_seconds: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
     strips: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
     rendered: int = 0
 
@@ -74,16 +72,15 @@ def read_results(run: Run) -> Results:
         table=pd.concat([measured, paper], ignore_index=True) if len(paper) else measured,
         trainings=[_stored(run.folder("evaluate", seed=seed) / "per_image.csv") for seed in range(count)],
         shapes=_stored(run.folder("evaluate") / "shapes.csv"),
-        logs={label: _read_logs(run, model, categories) for model, label in MODELS.items()},
+        logs={
+            label: {name: pd.read_csv(run.folder(model, name) / "log.csv") for name in categories}
+            for model, label in MODELS.items()
+        },
         failures=_read_failures(run, categories),
         stage_seconds={name: _stage_seconds(run, name, categories) for name in STAGES},
         settings=run.sections(),
         seeds=count,
         seconds={label: _test_seconds(run, file, categories) for file, label in CLOUDS.items()},
-        further_seconds={
-            label: [training_seconds(_read_logs(run, model, categories, seed)) for seed in range(1, count)]
-            for model, label in MODELS.items()
-        },
     )
 
 
@@ -97,21 +94,6 @@ def _test_seconds(run: Run, file: str, categories: Sequence[str]) -> dict[str, f
     notes = [storage.load_metadata(path).get("seconds", {}) for path in paths]
     names = [name for name in notes[0] if all(name in note for note in notes)] if notes else []
     return {name: sum(note[name] for note in notes) / len(notes) for name in names}
-
-
-def training_seconds(logs: Mapping[str, pd.DataFrame]) -> float:
-    """What the trainings of all categories took together."""
-    return sum(float(log["seconds"].iloc[-1]) for log in logs.values())
-
-
-def _read_logs(run: Run, model: str, categories: Sequence[str], seed: int = 0) -> dict[str, pd.DataFrame]:
-    logs = {}
-    for name in categories:
-        path = run.folder(model, name, seed) / "log.csv"
-        if not path.exists():
-            raise FileNotFoundError(f"{path} does not exist; run the training stage")
-        logs[name] = pd.read_csv(path)
-    return logs
 
 
 def _read_failures(run: Run, categories: Sequence[str]) -> pd.DataFrame:

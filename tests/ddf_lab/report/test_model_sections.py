@@ -162,6 +162,20 @@ def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
     assert model_sections.nearest_table({"chair": found}).rows == [["chair", "3", "1.00", "1", "-1.00", "1", "–", "3"]]
 
 
+def test_relatives_have_rows_of_their_own():
+    scores = {"a": [0.95], "b": [0.9], "c": [0.5]}
+    ours = {"a": [0.9], "b": [0.8], "c": [0.6]}
+    found = model_sections.by_shape(
+        _results(_scored(oracle_retrieval=scores, ddf=ours, pc_siren=scores, ddf_image=ours)), "chair"
+    )
+    table = model_sections.relatives_table({"chair": found, "car": found[found["nearest"] < 90]})
+    assert table is not None and table.rows == [
+        ["chair", "near", "1", "95.00", "90.00", "95.00", "90.00"],
+        ["", "others", "2", "70.00", "70.00", "70.00", "70.00"],
+    ]
+    assert model_sections.relatives_table({"car": found[found["nearest"] < 90]}) is None
+
+
 def test_two_shapes_have_no_correlation():
     scores = {"a": [0.4], "b": [0.5]}
     results = _results(_scored(oracle_retrieval=scores, ddf=scores, pc_siren=scores, ddf_image=scores))

@@ -42,7 +42,6 @@ WRONG = {  # what is put into the page, for what, and what is told
     r"\| (0\.\d\d\d) \|": (r"| **\1** |", "should not be bold"),
     r"\| 0\.\d\d\d \|": ("| 9.999 |", "9.999 is printed"),
     r"is best for": ("is better for", "With the true camera"),
-    r": better for": (": best for", "against retrieval"),
 }
 
 
