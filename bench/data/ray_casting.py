@@ -1,18 +1,19 @@
-"""Ray casting: Open3D and trimesh against the exact float64 reference, rays a second beside leaks and depth error.
+"""Ray casting: this package, Open3D and trimesh by rational numbers: rays a second beside leaks and depth error.
 Of trimesh its own ray-triangle code (rtree, float64) is measured: embree's bindings are not among the packages.
 
 Three questions to one closed mesh of 10,000 triangles: random rays inside its box, rays of a camera, and from its
 centre rays through vertices and middles of edges, where a caster can leak. trimesh gets as many rays as its speed
-allows; the exact reference answers the first few. A leak is a miss where the reference hits.
+allows; rational numbers answer the first few. A leak is a miss where the reference hits.
 """
 
 from collections.abc import Callable
 
 import numpy as np
+import open3d as o3d
 import torch
 import trimesh
 
-from bench.lib import measuring
+from bench.lib import exact_cast, measuring
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
 
@@ -72,19 +73,35 @@ def first(points: rays.OrientedPoints, count: int) -> rays.OrientedPoints:
     return rays.OrientedPoints(points.positions[::step][:count], points.directions[::step][:count])
 
 
+class Open3D:
+    """Open3D's float32 answers as they come: rays (n, 6) in `raycast.Scene.local`, as depth and normal."""
+
+    def __init__(self, scene: raycast.Scene) -> None:
+        self._scene, self._tensor = o3d.t.geometry.RaycastingScene(), o3d.core.Tensor
+        corners = scene.local(scene.mesh.vertices).astype(np.float32), scene.mesh.faces[scene.kept].astype(np.uint32)
+        self._scene.add_triangles(*map(self._tensor, corners))
+
+    def __call__(self, local: np.ndarray) -> tuple[Depths, np.ndarray]:
+        """Depth and normal."""
+        answer = self._scene.cast_rays(self._tensor.from_numpy(local))
+        return answer["t_hit"].numpy(), answer["primitive_normals"].numpy()
+
+
+def local_rays(scene: raycast.Scene, points: rays.OrientedPoints) -> np.ndarray:
+    """What `Open3D` is asked."""
+    positions, directions = raycast.flat(points.positions), raycast.flat(points.directions)
+    return np.concatenate([scene.local(positions), directions], axis=1).astype(np.float32)
+
+
 def open3d_caster(mesh: Mesh) -> Caster:
-    """Open3D's float32 answer as it comes, without this project's care for starts and depths."""
+    """Open3D with the mesh's frame."""
     scene = raycast.Scene(mesh)
-
-    def cast(points: rays.OrientedPoints) -> Depths:
-        local = np.concatenate([scene.local(points.positions.numpy()), points.directions.numpy()], axis=1)
-        return scene.cast_local(local.astype(np.float32))[0] * scene.scale
-
-    return cast
+    own = Open3D(scene)
+    return lambda points: own(local_rays(scene, points))[0] * scene.scale
 
 
 def package_caster(mesh: Mesh) -> Caster:
-    """`raycast.cast`: triangles from Open3D, depths in float64."""
+    """`raycast.cast`."""
     scene = raycast.Scene(mesh)
     return lambda points: raycast.cast(scene, points).depth.numpy()
 
@@ -119,12 +136,12 @@ def compared(found: Depths, truth: Depths) -> dict[str, float]:
 def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> measuring.Rows:
     """One row per caster, each with its own number of rays, all judged by the same first rays."""
     probes = first(points, TRUTHS)
-    truth = raycast.cast_exact(mesh, probes).depth.numpy()
+    truth = exact_cast.cast(mesh, probes).depth.numpy()
     casters: dict[str, tuple[Caster, int]] = {
         "Open3D": (open3d_caster(mesh), MANY),
         "ddf.geometry.raycast.cast": (package_caster(mesh), MANY),
         "trimesh (rtree)": (trimesh_caster(mesh), FEW),
-        "exact float64 reference": (lambda some: raycast.cast_exact(mesh, some).depth.numpy(), FEW // 5),
+        "rational numbers": (lambda some: exact_cast.cast(mesh, some).depth.numpy(), FEW // 5),
     }
     asked = {caster: first(points, count) for caster, (_, count) in casters.items()}
     ways = {caster: (lambda c=cast, a=asked[caster]: c(a)) for caster, (cast, _) in casters.items()}

@@ -27,7 +27,7 @@ from bench.lib import measuring
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field, shape_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fit_settings, fitting, inspection
+from ddf.fit import fit_folder, fit_settings, fitting, inspection
 from ddf.geometry import mesh_io, raycast, rays
 
 ON_DEMAND = "python -m bench fits, half an hour"
@@ -104,7 +104,7 @@ def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
 def patches(mesh: mesh_io.Mesh, tolerance: float) -> tuple[Way, patch_field.PatchField]:
     """Patches of a tolerance, and their field."""
     started = time.process_time()
-    arrays, record = patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig.within(tolerance))
+    arrays, record = patch_field.fitted(*fit_folder.in_cube(mesh), octree.PatchConfig.within(tolerance))
     took = time.process_time() - started
     size = sum(values.nbytes for values in arrays.values())
     field = patch_field.of(arrays, record)
@@ -129,22 +129,19 @@ def picture(field: framed_field.FramedField, azimuth: float, elevation: float) -
 
 
 def cast(mesh: mesh_io.Mesh, points: rays.OrientedPoints) -> Way:
-    """The mesh by Open3D alone: no depths in float64, no care for starts on a face. points: rays of the image."""
+    """The mesh by Open3D, in float32. points: rays of the image."""
     scene = raycast.Scene(mesh)
-
-    def local(asked: rays.OrientedPoints) -> np.ndarray:
-        return np.concatenate([scene.local(asked.positions), asked.directions], axis=1).astype(np.float32)
-
-    started = time.process_time()
-    scene.cast_kept(local(points)[:1])
-    took, image = time.process_time() - started, local(points)
+    image, started = ray_casting.local_rays(scene, points), time.process_time()
+    own = ray_casting.Open3D(scene)
+    own(image[:1])
+    took = time.process_time() - started
 
     def ask(asked: rays.OrientedPoints) -> Answer:
-        depth, _, normals = scene.cast_kept(local(asked))
+        depth, normals = own(ray_casting.local_rays(scene, asked))
         facing = np.where((normals * asked.directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
         return depth.astype(np.float64) * scene.scale, facing
 
-    return Way("mesh", ask, lambda: scene.cast_kept(image), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
+    return Way("mesh", ask, lambda: own(image), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
 
 
 def inner(mesh: mesh_io.Mesh, random: np.random.Generator) -> rays.OrientedPoints:

@@ -26,7 +26,7 @@ from bench.lib import measuring
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fitting, inspection, patch_fitting
+from ddf.fit import fit_folder, inspection, patch_fitting
 from ddf.geometry import fused_rays, mesh_io, raycast, rays, scans, sensors, unsigned_surface
 
 ON_DEMAND = "python -m bench from_depth, half an hour"
@@ -225,8 +225,8 @@ def shapes(folder: Path) -> dict[str, tuple[mesh_io.Mesh, Callable[..., list[np.
     made = {} if there else {name: mesh for name, mesh in fits.meshes().items() if name.startswith("made")}
     objects = {name: mesh_io.load_surface(file) for name, file in there.items()} | made
     rooms = {"furnished room": showcase.furnished(0.5, (0, -0.5, 0)), "hall of five shapes": hall()}
-    found = {name: (fitting.in_cube(mesh)[0], around) for name, mesh in objects.items()}
-    return found | {name: (fitting.in_cube(mesh)[0], within) for name, mesh in rooms.items()}
+    found = {name: (fit_folder.in_cube(mesh)[0], around) for name, mesh in objects.items()}
+    return found | {name: (fit_folder.in_cube(mesh)[0], within) for name, mesh in rooms.items()}
 
 
 def main(*, folder: Path = measuring.REAL_MESHES) -> measuring.Rows:

@@ -96,10 +96,10 @@ def tree_bytes(mesh: mesh_io.Mesh) -> int:
 
 def _grown(mesh: mesh_io.Mesh) -> int:
     ray = np.array([[0, 0, 5, 0, 0, -1]], np.float32)
-    small, scene = raycast.Scene(ray_casting.sphere(1000)), raycast.Scene(mesh)
-    small.cast_local(ray)  # loads the library
-    before = _resident()
-    scene.cast_local(ray)
+    ray_casting.Open3D(raycast.Scene(ray_casting.sphere(1000)))(ray)  # loads the library
+    scene, before = raycast.Scene(mesh), _resident()
+    own = ray_casting.Open3D(scene)
+    own(ray)
     return _resident() - before
 
 

@@ -27,7 +27,7 @@ from ddf.data import mesh_topology
 from ddf.data.public import manifest, packages
 from ddf.data.public import shapes as public
 from ddf.fields import scene_field
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 from ddf.geometry import mesh_io, raycast, rays
 
 ON_DEMAND = "python -m bench light, some hours"
@@ -175,7 +175,7 @@ def main(
     fits.compile_patches()
     found: dict[str, dict[str, dict[str, float]]] = {}
     for index, (shape, raw) in enumerate(meshes(shapes, count)):
-        mesh, _ = fitting.in_cube(raw)
+        mesh, _ = fit_folder.in_cube(raw)
         scene = raycast.Scene(mesh)
         made = list(ways(mesh, scene, seconds if index < few else 0.0))
         own = scores(scene, {way.name: ask for way, ask in made}, size)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import ddf
+from bench.data import ray_casting
 from bench.fields import fits, frontier
 from bench.lib import measuring
 from ddf.api.field import Field
@@ -24,7 +25,7 @@ from ddf.data.synthetic import showcase
 from ddf.fields import shape_field
 from ddf.fields.grid import octree
 from ddf.fit import inspection
-from ddf.geometry import cameras, mesh_io, raycast, sensors, transforms
+from ddf.geometry import cameras, mesh_io, raycast, rays, sensors, transforms
 
 ON_DEMAND = "python -m bench sensors"
 SHAPES, POSES, REPEATS = ("armchair", "rabbit"), (1, 64), 5
@@ -60,8 +61,8 @@ def main() -> measuring.Rows:
         for (sensor, look), count in itertools.product(SENSORS.items(), POSES):
             poses = around(mesh, AXES[sensor], count)
             truth = look(mesh, poses)
-            local = np.concatenate([scene.local(truth.positions), truth.directions], axis=1).astype(np.float32)
-            ways: dict[str, Callable[[], Any]] = {"Open3D": functools.partial(scene.cast_kept, local)}
+            local = ray_casting.local_rays(scene, rays.OrientedPoints(truth.positions, truth.directions))
+            ways: dict[str, Callable[[], Any]] = {"Open3D": functools.partial(ray_casting.Open3D(scene), local)}
             ways |= {way: functools.partial(look, asked, poses) for way, asked in scenes.items()}
             for way, seconds in measuring.interleaved(ways, REPEATS, clock=time.process_time).items():
                 depth = ways[way]()[0] * scene.scale if way == "Open3D" else ways[way]().ranges

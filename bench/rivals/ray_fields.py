@@ -125,7 +125,9 @@ def fit(
     training_loop.prepare(config.loop)
     network = pddf.PDDF(config.field)
     learnt = [Lesson.of(reads, seen) for seen in lessons]
-    everything = {f"{index}": {"depth": part.depth, "visible": part.visible} for index, part in enumerate(learnt)}
+    everything = {
+        f"{index}": {"depth": part.depth.numpy(), "visible": part.visible.numpy()} for index, part in enumerate(learnt)
+    }
     fitting.start_flat(network, shape_samples.ShapeSamples(everything, np.zeros(3), np.zeros(3)))
 
     def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:

@@ -20,7 +20,7 @@ from ddf.data.public import manifest
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fields import model_files, shape_field
-from ddf.fit import fit_settings, fitting, latent_prior, shape_samples
+from ddf.fit import fit_folder, fit_settings, fitting, latent_prior, shape_samples
 from ddf.io import onnx_file
 from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf.training import line_steps
@@ -76,8 +76,8 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
     graphs, source = onnx_file.load_graphs(out, onnx_file.ExportConfig().outputs)
     compared = onnx_file.export(graphs["field"], "field", out / ONNX, source, onnx_file.ExportConfig())
     apart = max(row.max_abs for row in compared if row.output == "depth")
-    inside, drawn = fitting.in_cube(mesh)[0], sample_types.each(settings.held_out)
-    samples, _ = shape_samples.draw_samples(inside, settings, drawn, "held_out")
+    inside, drawn = fit_folder.in_cube(mesh)[0], sample_types.each(settings.held_out)
+    samples, _ = shape_samples.draw_samples(inside, settings.drawing, drawn, "held_out")
     errors = fitting.held_out_errors(shape_field.load(out).field, samples)  # of the rounded weights
     sections = {
         "Data": [

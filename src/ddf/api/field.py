@@ -63,7 +63,7 @@ class Field(queries.Queried):
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]: ...
 
     def points(self, n: int, seed: int = 0, normals: bool = False) -> Any:
-        """A cloud of evenly spread points on the surface. Needs torch.
+        """A cloud of evenly spread points on the surface; of a network it needs torch.
 
         Args:
           n: how many points, 1 or more.
@@ -80,9 +80,9 @@ class Field(queries.Queried):
           >>> ddf.load("rabbit").points(100).shape
           (100, 3)
         """
-        with extras.named():
-            from ddf.fields import stored_fields
-            from ddf.fit import surfaces
+        from ddf.fields import stored_fields
+        from ddf.fit import surfaces
+
         found = stored_fields.points(self.weights, checks.require_whole("n", n, 1), seed)
         return (found, surfaces.normals_at(self.framed, found)) if normals else found
 
@@ -100,19 +100,21 @@ class Field(queries.Queried):
         return own(asked.positions, asked.directions)
 
     def save(self, folder: str | Path) -> Path:
-        """Write the field into a folder, which `ddf.load` and every command take. Needs torch.
+        """Write the field into a folder, which `ddf.load` and every command take; of a network it needs torch.
 
         Returns:
           Its file.
         Raises:
           ValueError: the field came from an ONNX file alone, or torch is not installed.
         """
-        with extras.named():
-            from ddf.fields import stored_fields
+        from ddf.fields import stored_fields
+
         return stored_fields.save(self.weights, Path(folder))
 
     def export(self, path: str | Path) -> Path:
-        """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does. Needs torch.
+        """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does.
+
+        ONNX, and a network, need torch.
 
         Raises:
           ValueError: another suffix.
@@ -122,11 +124,13 @@ class Field(queries.Queried):
             raise checks.InputError(f"{path}: must end in .onnx or .html")
         with tempfile.TemporaryDirectory() as folder:
             self.save(Path(folder) / path.stem)
-            with extras.named():
-                from ddf.io import onnx_file, viewer_page
             if path.suffix.lower() == ".html":
+                from ddf.io import viewer_page
+
                 viewer_page.write(path, viewer_page.field_page(viewer_page.field(Path(folder) / path.stem), path.stem))
             else:
+                with extras.named():
+                    from ddf.io import onnx_file
                 graphs, source = onnx_file.load_graphs(Path(folder) / path.stem, None)
                 onnx_file.export(graphs["field"], "field", path, source, onnx_file.ExportConfig())
         return path
@@ -139,16 +143,14 @@ class Field(queries.Queried):
         webbrowser.open(path.as_uri())
         return path
 
-    def surface(
-        self, n: int = 5000, method: Literal["poisson", "closed", "udf"] = "poisson", resolution: int = 64
-    ) -> Mesh:
+    def surface(self, n: int = 5000, method: Literal["poisson", "closed", "udf"] = "udf", resolution: int = 64) -> Mesh:
         """A triangle mesh of the surface. `poisson` needs Open3D.
 
         Args:
           n: points with normals that `poisson` goes through; they are some of those that `udf` measures to.
-          method: `poisson`, screened Poisson, is smooth and wants an outer side; `closed` is what looks
-            from all sides leave, watertight, hollows full; `udf`, surface nets of unsigned distances, keeps open and
-            inner sheets.
+          method: `udf`, surface nets of unsigned distances, keeps open and inner sheets; `closed` is what looks
+            from all sides leave, watertight, hollows full; `poisson`, screened Poisson, is smooth and wants an outer
+            side.
           resolution: cells of `closed` and `udf` along the longest side of the box.
         Returns:
           `.vertices` (k, 3) float64 in the frame and the unit of the mesh, `.faces` (m, 3), `.save(path)`; open where
@@ -158,7 +160,7 @@ class Field(queries.Queried):
 
         Example:
           >>> import ddf
-          >>> mesh = ddf.load("rabbit").surface(n=500)
+          >>> mesh = ddf.load("rabbit").surface(resolution=32)
           >>> mesh.vertices.shape[1], len(mesh.faces) > 100
           (3, True)
         """
@@ -179,8 +181,8 @@ def load(path_or_name: str | Path) -> Field:
     A folder or a name is loaded by its ONNX file where it has one, so that torch is not needed.
 
     Args:
-      path_or_name: the folder that `ddf fit` wrote, its model.safetensors (these need torch), an ONNX file that
-        `ddf export` wrote, or the name of a field that `ddf models` lists.
+      path_or_name: the folder that `ddf fit` wrote, its model.safetensors (of a network these need torch), an ONNX file
+        that `ddf export` wrote, or the name of a field that `ddf models` lists.
     Returns:
       The field; it answers in the frame of the mesh that it was fitted to.
     Raises:
@@ -192,6 +194,8 @@ def load(path_or_name: str | Path) -> Field:
       >>> ddf.load("rabbit").outputs[:3]
       ('visibility', 'depth', 'normals')
     """
+    from ddf.fields import stored_fields
+
     path = shipped_models.require(path_or_name, "field")
     folder = path if path.is_dir() else path.parent
     onnx = path / ONNX if path.is_dir() else path
@@ -200,9 +204,9 @@ def load(path_or_name: str | Path) -> Field:
 
         weights = folder / WEIGHTS
         beside = weights if onnx.name == ONNX and weights.is_file() else None
-        return Field(onnx_field.load(onnx), None if beside is None else lambda: _torch_field(beside), path)
+        return Field(onnx_field.load(onnx), None if beside is None else lambda: stored_fields.load(beside), path)
     with extras.named():
-        shape = _torch_field(path)
+        shape = stored_fields.load(path)
     return Field(shape, lambda: shape, path)
 
 
@@ -215,7 +219,7 @@ def fit(
     tolerance: float | None = None,
     rays: Any = None,
 ) -> Field:
-    """Fit a field to a mesh, or to what a sensor saw, as `ddf fit` does. Needs torch and Open3D.
+    """Fit a field to a mesh, or to what a sensor saw, as `ddf fit` does; a network needs torch.
 
     Args:
       mesh: what `read_mesh` gives, a path, or anything with `vertices` (n, 3) and `faces` (m, 3).
@@ -249,34 +253,36 @@ def fit(
         raise checks.InputError("patches take neither minutes nor steps; they are of kind sine")
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
-    with extras.named():
-        from ddf.fields.grid import octree
-        from ddf.fit import fit_settings, fitting, patch_fitting
-        from ddf.geometry import posed_depth, scans
+    from ddf.fields import stored_fields
+    from ddf.fields.grid import octree
+    from ddf.fit import patch_fitting
+    from ddf.geometry import posed_depth, scans
+
     if (mesh is None) == (rays is None):
         raise checks.InputError("a field is fitted to a mesh or to rays")
     if rays is not None and network:
         raise checks.InputError("rays are fitted by patches; the network is fitted to meshes")
-    settings = fit_settings.FitConfig()
-    if minutes is not None:
-        settings = dataclasses.replace(settings, minutes=float(minutes))
-    if steps is not None:
-        settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
         if rays is not None:
             of_scan = isinstance(rays, scans.Scan)
             found = posed_depth.Sensed(rays, "a scan", 1) if of_scan else posed_depth.read(Path(rays))
             patch_fitting.fit_rays(found.scan, tolerance, Path(folder), sensed=found.sensed)
         elif network:
-            fitting.fit(meshes.as_mesh(mesh), settings, Path(folder))
+            _fit_network(meshes.as_mesh(mesh), minutes, steps, Path(folder))
         else:
             config = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
             patch_fitting.fit(meshes.as_mesh(mesh), config, Path(folder))
-        shape = _torch_field(Path(folder))
+        shape = stored_fields.load(Path(folder))
     return Field(shape, lambda: shape, None if out is None else Path(out))
 
 
-def _torch_field(path: Path) -> "Weights":
-    from ddf.fields import stored_fields
-
-    return stored_fields.load(path)
+def _fit_network(mesh: Mesh, minutes: int | float | None, steps: int | None, folder: Path) -> None:
+    """As `fit`, of `sine`."""
+    with extras.named():
+        from ddf.fit import fit_settings, fitting
+    settings = fit_settings.FitConfig()
+    if minutes is not None:
+        settings = dataclasses.replace(settings, minutes=float(minutes))
+    if steps is not None:
+        settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
+    fitting.fit(mesh, settings, folder)

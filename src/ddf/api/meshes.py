@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ddf.api import queries
-from ddf.core import checks, extras
+from ddf.core import checks
 from ddf.geometry import mesh_io, rays
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
@@ -61,7 +61,7 @@ def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays
       `.depth` (n) float64, in the unit of the mesh, `inf` on a miss; `.visible` (n) bool; `.normals` (n, 3), unit,
       facing back, 0 on a miss; `.face` (n), the triangle met, -1 on a miss.
     Raises:
-      ValueError: a wrong shape, a direction that is not of unit length, or Open3D is not installed.
+      ValueError: a wrong shape, or a direction that is not of unit length.
 
     Example:
       >>> import ddf, types
@@ -71,9 +71,9 @@ def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays
       ([3.0], [True], [[0.0, 0.0, 1.0]])
     """
     asked, surface = queries.require_oriented_points(positions, directions), as_mesh(mesh)
-    with extras.named():
-        from ddf.geometry import exact_cast
-    return exact_cast.cast(surface, asked)
+    from ddf.geometry import raycast  # takes numba
+
+    return raycast.cast(surface, asked)
 
 
 def compare(

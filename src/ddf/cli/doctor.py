@@ -172,7 +172,8 @@ def _lines(result: dict[str, Any]) -> list[str]:
         f"libraries  {sum(result['libraries'].values())} of {len(result['libraries'])} found",
     ]
     lines += [
-        f"extra      {name}: {'installed' if there else f'not installed; a choice: {extras.command(name)}'}"
+        f"extra      {name} ({extras.COSTS[name]}): "
+        + ("installed" if there else f"not installed; a choice: {extras.command(name)}")
         for name, there in sorted(result["extras"].items())
         if not _CHECKOUT
     ]

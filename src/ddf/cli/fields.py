@@ -57,7 +57,7 @@ def fit(
     """
     from ddf.core import checks, storage
     from ddf.core import config as config_files
-    from ddf.fit import fit_settings, fitting, patch_fitting
+    from ddf.fit import patch_fitting
     from ddf.geometry import mesh_io, posed_depth
 
     options = {"config": config, "minutes": minutes, "steps": steps, "seed": seed}
@@ -78,6 +78,8 @@ def fit(
         result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
         spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
         return _inspected(out, loaded, result, spent, f"{result['seconds']:.1f} s, {spent}")
+    from ddf.fit import fit_settings, fitting
+
     settings = fit_settings.FitConfig()
     if config is not None:
         settings = config_files.load(config_files.found_file(config), "fit", fit_settings.FitConfig)
@@ -129,7 +131,7 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
     """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
     from ddf.core import storage
     from ddf.fields import stored_fields
-    from ddf.fit import fitting, inspection
+    from ddf.fit import fit_folder, inspection
 
     picture, looks = out / inspection.PICTURE, result.get("looks")
     verdict = f"{out}: fitted already, {already}" if result.pop("already") else f"field in {out} after {after}"
@@ -138,7 +140,7 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
         truth = inspection.beside(field, mesh)
         looks = inspection.measure(field, truth)
         storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
-        storage.write_json(out / fitting.METRICS, {**result, "looks": looks})
+        storage.write_json(out / fit_folder.METRICS, {**result, "looks": looks})
     return {
         **result,
         "looks": looks,
@@ -293,12 +295,12 @@ def surface(
     field: FieldPath,
     out: Annotated[Path, Arg("OUT", writes="file")],
     *,
-    method: Literal["poisson", "closed", "udf"] = "poisson",
+    method: Literal["poisson", "closed", "udf"] = "udf",
     points: Annotated[int, Arg("N", parse=arguments.whole_number(100, 20_000), like="n")] = 5000,
     resolution: Annotated[int, Arg("N", parse=arguments.whole_number(8, 256))] = 64,
     truth: Annotated[Path | None, Arg("MESH")] = None,
 ) -> dict[str, Any]:
-    """A triangle mesh of a field: smooth, watertight, or with open and inner sheets.
+    """A triangle mesh of a field: with open and inner sheets, watertight, or smooth.
 
     `--truth` tells the mean distance between both surfaces (`chamfer_l1`, the true mesh's longest side is 2) and the
     mean |n · n'| (`normal_consistency`).
@@ -309,7 +311,7 @@ def surface(
 
     Examples:
       ddf surface rabbit rabbit.ply
-      ddf surface my_field mesh.ply --method udf --truth shape.obj
+      ddf surface my_field mesh.ply --truth shape.obj
     """
     import numpy as np
 

@@ -102,12 +102,12 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     import numpy as np
 
     from ddf.core import storage
-    from ddf.geometry import exact_cast, mesh_io, raycast
+    from ddf.geometry import mesh_io, raycast
     from ddf.geometry import rays as ray_files
 
     points = ray_files.read_npz(rays)
     loaded = mesh_io.load(mesh)
-    hits = exact_cast.cast(loaded, points)
+    hits = raycast.cast(loaded, points)
     buffer = io.BytesIO()
     np.savez(buffer, depth=hits.depth, visible=hits.visible, normals=hits.normals)
     storage.write_bytes(out, buffer.getvalue())

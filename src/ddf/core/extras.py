@@ -4,11 +4,12 @@ import contextlib
 from collections.abc import Iterator
 
 DISTRIBUTION = "directed-distance-fields"  # as package indexes name it
-_TORCH = ("numba", "onnx", "open3d", "torch", "tqdm", "trimesh")
+_TORCH = ("onnx", "open3d", "torch", "trimesh")
 _EXPERIMENTS = (
     *("argcomplete", "dask", "distributed", "fast_simplification", "joblib", "matplotlib", "OpenEXR", "pandas"),
     *("psutil", "pymeshlab", "rtree", "torch_fidelity", "torchvision"),
 )
+COSTS = {"torch": "networks, 6 GB", "experiments": "closing of meshes, training, 7 GB"}
 EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras
 
 

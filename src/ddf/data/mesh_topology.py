@@ -29,7 +29,15 @@ def pierced(mesh: Mesh, tolerance: float = TOLERANCE) -> Int[np.ndarray, "k 2"]:
     edges = np.unique(np.sort(_edges(mesh.faces), axis=1), axis=0)
     local, least = scene.local(mesh.vertices), tolerance * mesh.diagonal() / scene.scale
     found = [
-        block[_deep(local, mesh.faces, block, *scene.met_along(local[block[:, 0]], local[block[:, 1]]), least)]
+        block[
+            _deep(
+                local,
+                mesh.faces,
+                block,
+                *scene.met_along(*mesh.vertices[block.T]),
+                least,
+            )
+        ]
         for block in np.split(edges, range(_BLOCK, len(edges), _BLOCK))
     ]
     return np.concatenate(found)

@@ -13,31 +13,31 @@ Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int, UInt
-from torch import Tensor
 
-from ddf.core import checks
+from ddf.core import arrays, checks
+from ddf.core.arrays import Array
 from ddf.geometry import transforms
 
 POSITION_STEPS = 32767
 DEPTH_STEP = 2 * 3**0.5 / 65534
 MISS = 65535
+_LONGEST = (MISS - 0.5) * DEPTH_STEP
 FIELDS = ("positions", "directions", "depth", "normals")
 RECORD = 7  # int16 of all four codes of a sample
 
 
 class Samples(TypedDict):
-    """Decoded samples of one type, float32 but for `visible`; depth is `inf` on a miss."""
+    """Decoded samples of one type, arrays or tensors of float32 but for `visible`; depth is `inf` on a miss."""
 
-    positions: Float[Tensor, "*batch 3"]
-    directions: Float[Tensor, "*batch 3"]
-    depth: Float[Tensor, "*batch"]
-    visible: Tensor
-    normals: Float[Tensor, "*batch 3"]
+    positions: Any
+    directions: Any
+    depth: Any
+    visible: Any
+    normals: Any
 
 
 def records(stored: Mapping[str, np.ndarray], kind: str) -> Int[np.ndarray, "*n record"]:
@@ -51,14 +51,14 @@ def records(stored: Mapping[str, np.ndarray], kind: str) -> Int[np.ndarray, "*n 
     return np.concatenate(parts, axis=-1)
 
 
-def parted(found: Int[Tensor, "*n record"]) -> dict[str, Tensor]:
+def parted(found: Int[Array, "*n record"]) -> dict[str, Any]:
     """What `decode_fields` reads, of `records`."""
-    depth = found[..., 5].to(torch.int32) & MISS
+    xp = arrays.namespace(found)
     return {
         "positions": found[..., :3],
         "directions": found[..., 3:5],
-        "depth": depth,
-        "normals": found[..., 6:].view(torch.int8),
+        "depth": found[..., 5].view(xp.uint16),
+        "normals": found[..., 6:].view(xp.int8),
     }
 
 
@@ -86,23 +86,30 @@ def unit_steps(
     return found[0], found[1]
 
 
-def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
-    """Unit vectors, float32, of octahedral codes of either width."""
-    x, y = (codes[..., axis].float() for axis in range(2))
-    return torch.stack(unit_axes(x, y, torch.iinfo(codes.dtype).max), dim=-1)
+def decode_unit(codes: Any) -> Any:
+    """Unit vectors (*n, 3), float32, of octahedral codes of either width, arrays or tensors, as all that is decoded."""
+    xp = arrays.namespace(codes)
+    return xp.stack(unit_axes(codes[..., 0], codes[..., 1], xp.iinfo(codes.dtype).max), -1)
 
 
-def unit_axes(
-    x: Float[Tensor, "*n"], y: Float[Tensor, "*n"], most: int
-) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"], Float[Tensor, "*n"]]:
-    """The three coordinates of `decode_unit`, each in memory of its own, of codes from -most to most in float32."""
-    x, y = x / most, y / most
-    z = x.abs().neg_().add_(1).sub_(y.abs())
-    fold = (-z).clamp_min_(0.0)
-    x.sub_(torch.copysign(fold, x))
-    y.sub_(fold.copysign_(y))
-    length = (x * x).add_(y * y).add_(z * z).sqrt_()
-    return x.div_(length), y.div_(length), z.div_(length)
+def unit_axes(x: Any, y: Any, most: int) -> tuple[Any, Any, Any]:
+    """The three coordinates of `decode_unit`, each in memory of its own, of codes from -most to most."""
+    xp = arrays.namespace(x)
+    x, y = x / np.float32(most), y / np.float32(most)
+    z = -xp.abs(x)
+    z += 1
+    z -= xp.abs(y)
+    fold = xp.clip(-z, 0, None)
+    x -= xp.copysign(fold, x)
+    y -= xp.copysign(fold, y)
+    length = x * x
+    length += y * y
+    length += z * z
+    length = xp.sqrt(length)
+    x /= length
+    y /= length
+    z /= length
+    return x, y, z
 
 
 def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:
@@ -125,9 +132,9 @@ def interleaved(steps: Sequence[Float[np.ndarray, "*n"]], dtype: type[np.signedi
     return codes
 
 
-def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:
+def decode_positions(codes: Any) -> Any:
     """Positions in [-1, 1]^3, float32."""
-    return codes.float() / POSITION_STEPS
+    return codes / np.float32(POSITION_STEPS)
 
 
 def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
@@ -143,30 +150,31 @@ def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
     return codes.astype(np.uint16)
 
 
-def decode_depth(codes: Tensor) -> Float[Tensor, "*n"]:
+def decode_depth(codes: Any) -> Any:
     """Depths, float32, `inf` on a miss."""
-    steps = codes.to(torch.int32)
-    return torch.where(steps == MISS, torch.inf, steps.float() * DEPTH_STEP)
+    depth = codes * np.float32(DEPTH_STEP)
+    depth[depth > _LONGEST] = np.inf
+    return depth
 
 
-def decode(arrays: dict[str, Tensor], kind: str) -> Samples:
-    """Samples of one type out of a shard's tensors, whole or already indexed along any leading axes.
+def decode(stored: Mapping[str, Any], kind: str) -> Samples:
+    """Samples of one type out of a shard's arrays, whole or already indexed along any leading axes.
 
     Args:
-      arrays: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
+      stored: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
       kind: one of `sample_types.KINDS`.
     """
-    return decode_fields({field: arrays[f"{kind}.{field}"] for field in FIELDS})
+    return decode_fields({field: stored[f"{kind}.{field}"] for field in FIELDS})
 
 
-def decode_fields(codes: Mapping[str, Tensor]) -> Samples:
+def decode_fields(codes: Mapping[str, Any]) -> Samples:
     """Samples out of the codes of each of `FIELDS`, of any types together."""
     depth = decode_depth(codes["depth"])
     return Samples(
         positions=decode_positions(codes["positions"]),
         directions=decode_unit(codes["directions"]),
         depth=depth,
-        visible=torch.isfinite(depth),
+        visible=arrays.namespace(depth).isfinite(depth),
         normals=decode_unit(codes["normals"]),
     )
 

@@ -5,8 +5,9 @@ from typing import Literal
 
 from ddf.core import checks, schema
 from ddf.core.schema import fixed, setting
-from ddf.data.samples import extraction, sample_types
+from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
+from ddf.fit import shape_samples
 from ddf.models import loop_config
 
 
@@ -34,7 +35,7 @@ class FitConfig(schema.Checked):
         "drawn of each type, for training",
         "app. singlefits",
     )
-    held_out: int = setting(10_000, "drawn of each type, for the errors", least=1)
+    held_out: int = setting(shape_samples.HELD_OUT, "drawn of each type, for the errors", least=1)
     batch: dict[str, int] = setting(
         {"U": 120, "A": 140, "B": 60, "S": 60, "T": 60, "O": 200, "E": 50}
         | {"U+": 350, "A+": 500, "B+": 300, "S+": 550, "T+": 450},
@@ -54,9 +55,12 @@ class FitConfig(schema.Checked):
         ),
         "γ of the loss",
     )
-    epsilon_o: float = fixed(0.05, above=0, below=1)
+    epsilon_o: float = fixed(shape_samples.Drawing.epsilon_o, above=0, below=1)
     margin: float = setting(
-        0.02, "field units between the shape and its box, in whose sides rays would begin on faces", least=0, below=1
+        shape_samples.Drawing.margin,
+        "field units between the shape and its box, in whose sides rays would begin on faces",
+        least=0,
+        below=1,
     )
     start: Literal["flat", "random"] = setting("flat", "of the depths: their mean over the samples, or random heads")
     loop: loop_config.LoopConfig = setting(
@@ -70,7 +74,7 @@ class FitConfig(schema.Checked):
         if self.steps is None and self.minutes is None:
             raise checks.InputError("steps or minutes must be given; both are null")
 
-    def draw(self, box: Literal["tight", "cube"], counts: dict[str, int], seed: int) -> extraction.SamplesConfig:
-        """What `extraction.extract` draws."""
-        epsilon_o = self.epsilon_o * (1 - self.margin)
-        return extraction.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed)
+    @property
+    def drawing(self) -> shape_samples.Drawing:
+        """How samples are drawn."""
+        return shape_samples.Drawing(self.margin, self.epsilon_o, self.loop.seed)

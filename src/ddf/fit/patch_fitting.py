@@ -11,9 +11,9 @@ import numpy as np
 
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
-from ddf.fields import framed_field, model_files
+from ddf.fields import field_file, framed_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fit_settings, fitting, shape_samples
+from ddf.fit import fit_folder, held_out, shape_samples
 from ddf.geometry import fused_rays, mesh_io, rays, scans
 
 LOGGER = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ _Made = tuple[tuple[dict[str, np.ndarray], dict[str, Any]], Callable[[patch_fiel
 
 def patches(raw: mesh_io.Mesh, config: octree.PatchConfig) -> patch_field.PatchField:
     """The field of a mesh, in its frame; it has no errors and no file. InputError where no triangle has an area."""
-    return patch_field.of(*patch_field.fitted(*fitting.in_cube(raw), config))
+    return patch_field.of(*patch_field.fitted(*fit_folder.in_cube(raw), config))
 
 
 def fit(
@@ -42,7 +42,7 @@ def fit(
       source: name to checksum of the file that the mesh came from, for the record.
       force: replace the field of another mesh in the folder.
     Returns:
-      The content of fit.json: held_out (`fitting.held_out_errors`), seconds, parameters (numbers stored), steps (0),
+      The content of fit.json: held_out (`held_out.errors`), seconds, parameters (numbers stored), steps (0),
       patches, bytes (of the arrays), box. And already: whether an earlier run had made it, which `force` never is.
     Raises:
       InputError: the mesh has no triangle with an area, another fit is at work in the folder, or it holds the field of
@@ -50,12 +50,12 @@ def fit(
     """
 
     def make() -> _Made:
-        mesh, own_from_mesh = fitting.in_cube(raw)
+        mesh, own_from_mesh = fit_folder.in_cube(raw)
 
         def errors(field: patch_field.PatchField) -> dict[str, Any]:
-            asked = fit_settings.FitConfig()
-            truth, _ = shape_samples.draw_samples(mesh, asked, sample_types.each(asked.held_out), "held_out")
-            return {"held_out": fitting.held_out_errors(field, truth)}
+            counts = sample_types.each(shape_samples.HELD_OUT)
+            truth, _ = shape_samples.draw_samples(mesh, shape_samples.Drawing(), counts, "held_out")
+            return {"held_out": held_out.errors(held_out.of_framed(field), truth)}
 
         return patch_field.fitted(mesh, own_from_mesh, config), errors
 
@@ -105,7 +105,7 @@ def fit_rays(
 
 def of_fused(fused: fused_rays.Fused, tolerance: float | None = None) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Patches of what rays have in common, as of `patch_field.fitted`; tolerance as of `fit_rays`."""
-    mesh, own_from_mesh = fitting.in_cube(fused.mesh)
+    mesh, own_from_mesh = fit_folder.in_cube(fused.mesh)
     least = max(octree.PatchConfig.tolerance, OF_NOISE * fused.noise * own_from_mesh.scale)
     config = octree.PatchConfig(least if tolerance is None else tolerance)
     return patch_field.fitted(mesh, own_from_mesh, config, fused.evidence)
@@ -138,12 +138,12 @@ def _written(
     make: Callable[[], _Made],
 ) -> dict[str, Any]:
     """The folder of a fit, as of `fit`; make: its arrays, its record, and how its errors are told."""
-    with fitting.owned(out_dir):
+    with fit_folder.owned(out_dir):
         started = time.monotonic()
         told = hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in content)).hexdigest()
         identity = provenance.fingerprint([*facts, told], (), "ddf.fit.patch_fitting")
-        plan = fitting.plan_of(told, identity, out_dir, force)
-        if not force and (earlier := fitting.finished(out_dir, identity)) is not None:
+        plan = fit_folder.plan_of(told, identity, out_dir, force)
+        if not force and (earlier := fit_folder.finished(out_dir, identity)) is not None:
             return {**earlier, "already": True}
         (arrays, description), errors = make()
         seconds = time.monotonic() - started
@@ -160,7 +160,7 @@ def _written(
         }
         for stale in ("field.onnx", "log.csv", "fit.png"):
             (out_dir / stale).unlink(missing_ok=True)
-        storage.write_json(out_dir / fitting.PLAN, dict(plan))
-        storage.save_tensors(out_dir / model_files.MODEL, arrays, record)
-        storage.write_json(out_dir / fitting.METRICS, result)
+        storage.write_json(out_dir / fit_folder.PLAN, dict(plan))
+        storage.save_tensors(out_dir / field_file.MODEL, arrays, record)
+        storage.write_json(out_dir / fit_folder.METRICS, result)
         return {**result, "already": False}

@@ -3,17 +3,19 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor
 
 from ddf.data import packing
-from ddf.data.samples import extraction, sample_batch, sample_types
-from ddf.fit import fit_settings
+from ddf.data.samples import extraction, sample_types
 from ddf.geometry import mesh_io
 
+if TYPE_CHECKING:
+    from ddf.data.samples import sample_batch
+
+HELD_OUT = 10_000  # of each type, for the errors
 THIN_BOX = (
     0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
 )
@@ -26,7 +28,7 @@ class ShapeSamples:
     A type may be absent: the field is then fitted without it. unit: half of the shape's longest side, field units.
     """
 
-    arrays: Mapping[str, Mapping[str, Tensor]]
+    arrays: Mapping[str, Mapping[str, np.ndarray]]
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
     unit: float = 1.0
@@ -46,32 +48,45 @@ class ShapeSamples:
         share = sum(supervised.values()) / sum(kept.values())
         return {"E": counts["E"], **{kind: round(count * share) for kind, count in kept.items()}}
 
-    def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> sample_batch.SampleBatch:
+    def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> "sample_batch.SampleBatch":
         """Random samples of each type in `counts`, with repetition, and `counts["E"]` uniform points of the box."""
+        import torch
+
+        from ddf.data.samples import sample_batch
+
         extra = counts["E"]
         position = random.uniform(self.lower, self.upper, (extra, 3)).astype(np.float32)
         direction = random.standard_normal((extra, 3)).astype(np.float32)
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         chosen = [
             {
-                "positions": torch.from_numpy(position),
-                "directions": torch.from_numpy(direction),
-                "visible": torch.zeros(extra),
-                "depth": torch.zeros(extra),
-                "normals": torch.zeros(extra, 3),
+                "positions": position,
+                "directions": direction,
+                "visible": np.zeros(extra, np.float32),
+                "depth": np.zeros(extra, np.float32),
+                "normals": np.zeros((extra, 3), np.float32),
             }
         ]
         for kind in [name for name in sample_types.STORED if name in counts]:
             stored = self.arrays[sample_types.base(kind)]
-            rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
+            rows = random.integers(0, len(stored["depth"]), counts[kind])
             chosen.append({name: values[rows] for name, values in stored.items()})
-        joined = {name: torch.cat([part[name] for part in chosen])[None] for name in chosen[0]}
+        joined = {name: torch.from_numpy(np.concatenate([part[name] for part in chosen]))[None] for name in chosen[0]}
         return sample_batch.SampleBatch(**joined, counts=counts)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How samples of one shape are drawn: margin and offset of O samples as of `fit_settings.FitConfig`, and a seed."""
+
+    margin: float = 0.02
+    epsilon_o: float = 0.05
+    seed: int = 0
 
 
 def draw_samples(
     mesh: mesh_io.Mesh,
-    config: fit_settings.FitConfig,
+    drawing: Drawing,
     counts: dict[str, int],
     stream: str,
     describe: str | None = None,
@@ -79,25 +94,26 @@ def draw_samples(
     """Samples of a mesh, field frame, and the largest errors of their stored form (`extraction.packing_errors`).
 
     Args:
-      mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
+      mesh: in [-1, 1]^3; it is shrunk to leave the margin.
       stream: name of the random stream; training and held-out samples have their own.
       describe: title of a progress bar; None for none.
     """
-    unit = 1 - config.margin
+    unit = 1 - drawing.margin
     mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
-    drawn = config.draw(box, counts, config.loop.seed)
+    offset = drawing.epsilon_o * unit
+    drawn = extraction.SamplesConfig(counts, offset, "fixed", box, drawing.margin, seed=drawing.seed)
     packed, probes = extraction.extract(mesh, drawn, stream, describe=describe)
     arrays = {}
     for kind in sample_types.KINDS:
-        samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
+        samples = packing.decode(packed, kind)
         visible = samples["visible"]
         arrays[kind] = {
             "positions": samples["positions"],
             "directions": samples["directions"],
-            "visible": visible.float(),
-            "depth": samples["depth"].masked_fill(~visible, 0.0),
+            "visible": visible.astype(np.float32),
+            "depth": np.where(visible, samples["depth"], np.float32(0)),
             "normals": samples["normals"],
         }
     sides = extraction.box_of(mesh, drawn)

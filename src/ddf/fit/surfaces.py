@@ -60,7 +60,7 @@ def _best(
 
 
 Method = Literal["poisson", "closed", "udf"]
-METHODS: tuple[Method, ...] = ("poisson", "closed", "udf")
+METHODS: tuple[Method, ...] = ("udf", "closed", "poisson")
 RESOLUTION = 64  # cells along the longest side: no finer than the hits lie
 _POISSON_HITS = 5000
 _MARGIN = 0.02  # of the longest side, around the hits
@@ -89,7 +89,7 @@ def box(field: framed_field.FramedField) -> tuple[Float[np.ndarray, "3"], Float[
 def extract(
     field: framed_field.FramedField,
     cloud: checked_cloud.CheckedCloud,
-    method: Literal["poisson", "udf"] = "poisson",
+    method: Literal["poisson", "udf"] = "udf",
     hits: int = _POISSON_HITS,
     resolution: int = RESOLUTION,
 ) -> Mesh:

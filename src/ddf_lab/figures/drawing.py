@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from PIL import Image, ImageDraw
 
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 from ddf.geometry import mesh_io, rays
 from ddf.pictures import field_pictures, picture_strips, shaded
 
@@ -22,7 +22,7 @@ _OVERSAMPLING, _MARGIN, _FADED, _CLEAR = 2, 1.06, 0.55, 0.35
 
 def patches(mesh: mesh_io.Mesh) -> patch_field.PatchField:
     """As `ddf fit` makes them."""
-    return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig()))
+    return patch_field.of(*patch_field.fitted(*fit_folder.in_cube(mesh), octree.PatchConfig()))
 
 
 @dataclass

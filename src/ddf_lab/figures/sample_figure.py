@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fit import fit_settings, fitting, shape_samples
+from ddf.fit import fit_folder, shape_samples
 from ddf.geometry import mesh_io, rays
 from ddf.pictures import picture_strips, shaded
 from ddf_lab.figures import drawing, figure_fields
@@ -25,7 +25,7 @@ _LEGEND = (
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """A cell per type."""
-    inside, _ = fitting.in_cube(showcase.SHAPES[SHAPE]())
+    inside, _ = fit_folder.in_cube(showcase.SHAPES[SHAPE]())
     rabbit = _samples(inside)
     row = picture_strips.StripRow("sample types", _LEGEND, _pictures(inside, rabbit, SIDE))
     figure = pages.Figure(
@@ -41,11 +41,11 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
 
 def _samples(mesh: mesh_io.Mesh) -> dict[str, dict[str, Float[np.ndarray, "n ..."]]]:
     """Of a mesh in [-1, 1]³, by type, in its frame."""
-    samples, _ = shape_samples.draw_samples(mesh, fit_settings.FitConfig(), sample_types.each(4000), "figure")
+    samples, _ = shape_samples.draw_samples(mesh, shape_samples.Drawing(), sample_types.each(4000), "figure")
     found, random, units = {}, np.random.default_rng(0), {"positions": samples.unit, "depth": samples.unit}
     for kind, arrays in samples.arrays.items():
         mixed = random.permutation(len(arrays["depth"]))  # stored by side of the surface or of the edge
-        found[kind] = {name: own.double().numpy()[mixed] / units.get(name, 1.0) for name, own in arrays.items()}
+        found[kind] = {name: own.astype(np.float64)[mixed] / units.get(name, 1.0) for name, own in arrays.items()}
     return found
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 from ddf.geometry import raycast, rays
 from ddf.pictures import field_pictures, picture_strips, shaded
 from ddf_lab.figures import drawing, figure_fields
@@ -45,7 +45,7 @@ def teaser_section(config: figure_fields.FiguresConfig, folder: Path) -> pages.S
 
 def standing() -> shaded.Standing:
     """The patches of the shape in [-1, 1]³."""
-    return shaded.stand(drawing.patches(fitting.in_cube(showcase.SHAPES[SHAPE]())[0]))
+    return shaded.stand(drawing.patches(fit_folder.in_cube(showcase.SHAPES[SHAPE]())[0]))
 
 
 def points(on_ground: shaded.Standing, size: int) -> picture_strips.Picture:
@@ -72,7 +72,7 @@ def slices(
     Args:
       on_ground: of the shape in [-1, 1]³. field: of the mesh as it is.
     """
-    _, own_from_mesh = fitting.in_cube(showcase.SHAPES[SHAPE]())
+    _, own_from_mesh = fit_folder.in_cube(showcase.SHAPES[SHAPE]())
     v = np.array(direction) / np.linalg.norm(direction)
     to_mesh = own_from_mesh.inverse()
     low, high = own_from_mesh.apply(beside.corners(field))

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from ddf.core import storage
-from ddf.fit import field_diagnostics, fit_settings, fitting
+from ddf.fit import field_diagnostics, fit_folder, fit_settings
 from ddf.training import training_loop
 from ddf_lab.evaluation import paper_results, shape_fits
 from ddf_lab.evaluation.shape_fits import ALL, MEASURED, TYPES
@@ -35,7 +35,7 @@ def write(run: Run, fit: fit_settings.FitConfig) -> None:
       FileNotFoundError: a stage has not run.
     """
     folder, ablated = run.folder("fit_shape"), run.folder("ablate_samples")
-    metrics = storage.read_json(folder / fitting.METRICS)
+    metrics = storage.read_json(folder / fit_folder.METRICS)
     errors, left_out = (
         storage.load_table(path)[0] for path in (folder / shape_fits.FIT, ablated / shape_fits.ABLATION)
     )

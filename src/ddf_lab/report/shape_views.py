@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ddf.core import provenance, seeding, storage
 from ddf.fields import framed_field, model_files, shape_field
 from ddf.fields.shape_field import ShapeField
-from ddf.fit import field_diagnostics, fit_settings, fitting
+from ddf.fit import field_diagnostics, fit_folder, fit_settings
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 from ddf.pictures import picture_strips
@@ -104,7 +104,7 @@ def write(mesh: Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> None:
     """
     shape, seed = shape_field.load(out_dir), fit.loop.seed
     record = provenance.record([fit], seed, [out_dir / model_files.MODEL], __name__)
-    held_out = storage.read_json(out_dir / fitting.METRICS)["held_out"]
+    held_out = storage.read_json(out_dir / fit_folder.METRICS)["held_out"]
     storage.save_table(out_dir / shape_fits.FIT, shape_fits.fit_table(held_out), record)
     storage.write_json(out_dir / DIAGNOSTICS, field_diagnostics.measure(shape, RAYS, seed))
     storage.write_bytes(out_dir / VIEWS, view_strip(render(shape, mesh, PICTURE_SIZE, seed)))

@@ -26,11 +26,16 @@ file = Path(tempfile.mkdtemp(), "triangle.obj")
 file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
 mesh = ddf.read_mesh(file)
 assert mesh.faces.tolist() == [[0, 1, 2]]
+fitted = ddf.fit(mesh, out=file.parent / "field")
+assert fitted.points(50).shape == (50, 3) and len(fitted.surface(resolution=16).faces) > 10
+assert fitted.query([[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]])["depth"].round(3) == [1.0]
+assert ddf.cast(mesh, [[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]).depth == [1.0]
+assert ddf.load(file.parent / "field").export(file.parent / "field.html").is_file()
 told = {}
 for name, function in {
     "points": lambda: rabbit.points(10),
-    "surface": lambda: rabbit.surface(10),
-    "cast": lambda: ddf.cast(mesh, [[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]),
+    "poisson": lambda: rabbit.surface(10, "poisson"),
+    "export": lambda: fitted.export(file.parent / "field.onnx"),
     "fit": lambda: ddf.fit(mesh, steps=1),
     "reconstruct": lambda: ddf.reconstruct(file, "chair"),
     "torch": lambda: ddf.torch.Field(rabbit),

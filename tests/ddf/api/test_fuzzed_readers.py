@@ -21,7 +21,7 @@ from ddf.core import checks, storage
 from ddf.data import cutouts
 from ddf.fields import field_file, pddf, shape_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 from ddf.geometry import mesh_io, scans, transforms
 from ddf.io import onnx_field, onnx_file, onnx_graphs, patch_graph
 
@@ -122,7 +122,7 @@ def mutated(data, rng):
 
 _FIELD = pddf.PDDF(pddf.PDDFConfig((8, 8), 1.0, 1.0, "softplus", 10.0))
 _HEAD = {"format_version": 1, "steps": 3, "fingerprint": "a"}
-_PATCHES = patch_field.fitted(*fitting.in_cube(_MESH), octree.PatchConfig(1e-2, depth=1))
+_PATCHES = patch_field.fitted(*fit_folder.in_cube(_MESH), octree.PatchConfig(1e-2, depth=1))
 _RECORD = (
     _HEAD
     | {"kind": "single_shape"}

@@ -8,7 +8,7 @@ from _shapes import cube, icosphere, joined, moved, torus
 from _tiny_fits import SECTION
 
 from ddf import cli
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 from ddf.geometry import mesh_io
 
 
@@ -67,4 +67,4 @@ def fitted(work):
     """Folder of the field of the torus, and what `ddf fit --json` said."""
     arguments = ["fit", str(work / "torus.ply"), str(work / "field"), "--config", str(work / "tiny.yaml")]
     assert cli.main([*arguments, "--seed", "3"]) == 0
-    return work / "field", json.loads((work / "field" / fitting.METRICS).read_text())
+    return work / "field", json.loads((work / "field" / fit_folder.METRICS).read_text())

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from _shapes import cube, icosphere, joined, moved
 
-from ddf.fit import fitting, inspection
+from ddf.fit import fit_folder, inspection
 from ddf.geometry import mesh_io, raycast
 
 
 def asked(mesh: mesh_io.Mesh, instead: mesh_io.Mesh | None = None) -> inspection.MeshField:
     """A mesh as a field, or another one in its box and frame."""
-    _, place = fitting.in_cube(mesh)
+    _, place = fit_folder.in_cube(mesh)
     lower, upper = (place.apply(np.array([corner]))[0] for corner in mesh.box())
     return inspection.MeshField(raycast.Scene(instead or mesh), lower, upper, place)
 

@@ -12,7 +12,7 @@ from _support import assert_close
 
 from ddf.fields import field_file, pddf, shape_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 from ddf.geometry import transforms
 from ddf.io import viewer_page
 
@@ -61,7 +61,7 @@ def test_several_fields_share_a_block_and_one_that_stands_twice_is_there_once(tm
 
 
 def test_patches_are_in_the_block_as_in_their_file():
-    arrays, record = patch_field.fitted(*fitting.in_cube(icosphere(2)), octree.PatchConfig(depth=1))
+    arrays, record = patch_field.fitted(*fit_folder.in_cube(icosphere(2)), octree.PatchConfig(depth=1))
     field = patch_field.of(arrays, record)
     baked = viewer_page.bake(field, "ball")
     counts, data = {name: baked.record[name] for name in ("codes", "bends", "cells")}, baked.numbers.tobytes()

@@ -22,9 +22,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import torch
 import tqdm
-from jaxtyping import Float, Int, UInt
+from jaxtyping import Float, Int
 
 from ddf.core import checks, schema, seeding
 from ddf.core.schema import fixed, setting
@@ -137,32 +136,30 @@ def _cast_and_pack(
     Coordinates lie one after the other: along an axis of three numpy is slow.
     """
     positions = packing.position_steps(drawn.positions.T)
-    starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
+    starts = packing.decode_positions(positions)
     directions = packing.unit_steps(list(drawn.directions.T), np.int16)
-    x, y = (torch.from_numpy(steps) for steps in directions)
-    looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
+    looking = packing.unit_axes(*directions, np.iinfo(np.int16).max)
     ahead = _lift(scene.scale, drawn, starts, looking) if drawn.starts_on else None
     local = np.zeros((len(drawn.positions), 6), np.float32)
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
         np.divide(starts[axis] - centre, np.float32(scene.scale), out=local[:, axis])
         local[:, 3 + axis] = looking[axis]
-    depth, kept, normals = scene.cast_kept(local)
-    depth *= np.float32(scene.scale)
+    depth, kept = scene.cast_local(local)
+    depth = (depth * scene.scale).astype(np.float32)
     if ahead is not None:
         depth = np.maximum(depth + ahead, 0)
     packed = {
         "positions": packing.interleaved(list(positions), np.int16),
         "directions": packing.interleaved(directions, np.int16),
         "depth": packing.encode_depth(depth),
-        "normals": _normal_codes(codes, kept, normals, looking)
+        "normals": _normal_codes(codes, kept, scene.normals[scene.kept], looking)
         if drawn.normals is None
         else packing.encode_unit(drawn.normals, np.int8),
     }
     first = slice(_ERROR_PROBE)
     before = draws.Draw(drawn.positions[first], drawn.directions[first])
     if drawn.normals is None:
-        face = np.where(np.isfinite(depth[first]), scene.kept.take(kept[first], mode="clip"), -1)
-        unrounded = raycast.facing_back(scene, face, local[first, 3:])
+        unrounded = raycast.facing_back(scene, np.append(scene.kept, -1)[kept[first]], local[first, 3:])
     else:
         unrounded = drawn.normals[first]
     return packed, Probes(before, {name: values[first] for name, values in packed.items()}, depth[first], unrounded)
@@ -179,7 +176,7 @@ def _together(probes: Sequence[Probes]) -> Probes:
 
 
 def _lift(
-    size: float, drew: draws.Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
+    size: float, drew: draws.Draw, starts: Float[np.ndarray, "3 n"], looking: Sequence[np.ndarray]
 ) -> Float[np.ndarray, "n"]:
     """Lift starts on the surface off their triangles to the side that they look to, in place; how far, by ray."""
     assert drew.normals is not None
@@ -203,16 +200,14 @@ def _codes_of_sides(scene: raycast.Scene) -> Int[np.ndarray, "sides 2"]:
 
 def _normal_codes(
     codes: Int[np.ndarray, "sides 2"],
-    kept: UInt[np.ndarray, "n"],
-    normals: Float[np.ndarray, "n 3"],
-    looking: list[np.ndarray],
+    kept: Int[np.ndarray, "n"],
+    normals: Float[np.ndarray, "k 3"],
+    looking: Sequence[np.ndarray],
 ) -> Int[np.ndarray, "n 2"]:
     """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss."""
-    slope = normals[:, 0] * looking[0]
-    for axis in (1, 2):
-        slope += normals[:, axis] * looking[axis]
-    which = kept + (slope > 0) * np.uint32(len(codes) // 2)  # on a miss the slope is 0
-    return codes.view(np.int16)[:, 0].take(np.minimum(which, len(codes) - 1)).view(np.int8).reshape(-1, 2)
+    slope = sum(normals[:, axis][kept] * looking[axis] for axis in range(3))
+    which = np.where(kept < 0, -1, kept + (slope > 0) * len(normals))
+    return codes.view(np.int16)[which, 0].view(np.int8).reshape(-1, 2)
 
 
 def packing_errors(probes: Sequence[Probes]) -> dict[str, float]:
@@ -220,16 +215,15 @@ def packing_errors(probes: Sequence[Probes]) -> dict[str, float]:
     from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
     """
     whole = _together(probes)
-    packed = {name: torch.from_numpy(whole.packed[name]) for name in packing.FIELDS}
+    stored = packing.decode_fields(whole.packed)
     depth, hit = whole.depth, np.isfinite(whole.depth)
-    stored_depth = packing.decode_depth(packed["depth"]).double().numpy()
-    turned = _angle_deg(packing.decode_unit(packed["directions"]).double().numpy(), whole.drawn.directions)
-    tilted = _angle_deg(packing.decode_unit(packed["normals"]).double().numpy()[hit], whole.normals[hit])
-    moved = np.abs(packing.decode_positions(packed["positions"]).double().numpy() - whole.drawn.positions)
+    turned = _angle_deg(stored["directions"].astype(np.float64), whole.drawn.directions)
+    tilted = _angle_deg(stored["normals"].astype(np.float64)[hit], whole.normals[hit])
+    moved = np.abs(stored["positions"].astype(np.float64) - whole.drawn.positions)
     return {
         "position_shift": float(moved.max(initial=0.0)),
         "direction_shift_deg": float(turned.max(initial=0.0)),
-        "depth_error": float(np.abs(stored_depth[hit] - depth[hit]).max(initial=0.0)),
+        "depth_error": float(np.abs(stored["depth"][hit].astype(np.float64) - depth[hit]).max(initial=0.0)),
         "normal_error_deg": float(tilted.max(initial=0.0)),
     }
 

@@ -10,7 +10,7 @@ from _tiny_fits import SECTION
 
 from ddf.cli import fields
 from ddf.fields import shape_field
-from ddf.fit import fit_settings, fitting, inspection
+from ddf.fit import fit_folder, fit_settings, inspection
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -44,7 +44,7 @@ def test_fit_writes_field_log_and_metrics(fitted):
 
 def test_minutes_take_about_that_long_and_few_steps_are_said(work, shown):
     verdict = shown("fit", work / "torus.ply", work / "timed", "--config", work / "tiny.yaml", "--minutes", 0.02)[-1]
-    steps = json.loads((work / "timed" / fitting.METRICS).read_text())["steps"]
+    steps = json.loads((work / "timed" / fit_folder.METRICS).read_text())["steps"]
     assert steps >= 1 and ("FEWER than 500 steps" in verdict) == (steps < 500)
 
 

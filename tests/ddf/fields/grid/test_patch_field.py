@@ -12,7 +12,7 @@ from ddf.core import checks
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
 from ddf.fields.grid import kernels, octree, patch_field
-from ddf.fit import fitting, surfaces
+from ddf.fit import fit_folder, surfaces
 from ddf.geometry import primitives, raycast, rays
 from ddf.geometry.mesh_io import Mesh
 
@@ -21,7 +21,7 @@ FINE = octree.PatchConfig()
 
 
 def field_of(mesh: Mesh, config: octree.PatchConfig = FINE) -> patch_field.PatchField:
-    return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), config))
+    return patch_field.of(*patch_field.fitted(*fit_folder.in_cube(mesh), config))
 
 
 def random_rays(count: int, half: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +78,7 @@ def test_a_box_is_exact_to_the_rounding_of_its_file(block):
 
 
 def _arrays(mesh: Mesh) -> dict[str, np.ndarray]:
-    return patch_field.fitted(*fitting.in_cube(mesh), FINE)[0]
+    return patch_field.fitted(*fit_folder.in_cube(mesh), FINE)[0]
 
 
 def test_a_plate_thinner_than_a_cell_keeps_both_sides():

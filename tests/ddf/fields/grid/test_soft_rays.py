@@ -8,12 +8,12 @@ from torch.nn import functional
 
 from ddf.fields import pddf
 from ddf.fields.grid import octree, patch_field, soft_rays
-from ddf.fit import fitting
+from ddf.fit import fit_folder
 
 
 def _soft(mesh, radius: float) -> soft_rays.SoftPatches:
     return soft_rays.SoftPatches(
-        patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig())), radius
+        patch_field.of(*patch_field.fitted(*fit_folder.in_cube(mesh), octree.PatchConfig())), radius
     )
 
 
