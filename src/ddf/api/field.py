@@ -143,7 +143,7 @@ class Field(queries.Queried):
         webbrowser.open(path.as_uri())
         return path
 
-    def surface(self, n: int = 5000, method: Literal["poisson", "closed", "udf"] = "udf", resolution: int = 64) -> Mesh:
+    def surface(self, n: int = 5000, method: Literal["udf", "closed", "poisson"] = "udf", resolution: int = 64) -> Mesh:
         """A triangle mesh of the surface. `poisson` needs Open3D.
 
         Args:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ddf.api import queries
 from ddf.core import checks
-from ddf.geometry import mesh_io, rays
+from ddf.geometry import mesh_io, raycast, rays
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
 
@@ -71,8 +71,6 @@ def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays
       ([3.0], [True], [[0.0, 0.0, 1.0]])
     """
     asked, surface = queries.require_oriented_points(positions, directions), as_mesh(mesh)
-    from ddf.geometry import raycast  # takes numba
-
     return raycast.cast(surface, asked)
 
 

@@ -295,7 +295,7 @@ def surface(
     field: FieldPath,
     out: Annotated[Path, Arg("OUT", writes="file")],
     *,
-    method: Literal["poisson", "closed", "udf"] = "udf",
+    method: Literal["udf", "closed", "poisson"] = "udf",
     points: Annotated[int, Arg("N", parse=arguments.whole_number(100, 20_000), like="n")] = 5000,
     resolution: Annotated[int, Arg("N", parse=arguments.whole_number(8, 256))] = 64,
     truth: Annotated[Path | None, Arg("MESH")] = None,

@@ -59,7 +59,7 @@ def _best(
     return normals
 
 
-Method = Literal["poisson", "closed", "udf"]
+Method = Literal["udf", "closed", "poisson"]
 METHODS: tuple[Method, ...] = ("udf", "closed", "poisson")
 RESOLUTION = 64  # cells along the longest side: no finer than the hits lie
 _POISSON_HITS = 5000

@@ -6,14 +6,18 @@ Depths are as exact as float64: rays 1e-9 of the size beside an edge have those 
 """
 
 import functools
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ddf.core import arrays
 from ddf.core.arrays import Array
-from ddf.geometry import rays, triangle_tree
+from ddf.geometry import rays
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
+
+if TYPE_CHECKING:
+    from ddf.geometry import triangle_tree
 
 _DIRECTIONS, _PORTIONS = 64, 8  # to look from outside; of them, one after the other: the first sees most points
 SURFACE_OFFSET = 1e-5  # of half the longest side: over 80 float32 steps at 1, under a fifth of the stored depth's step
@@ -37,8 +41,10 @@ class Scene:
         self.scale = float((upper - lower).max()) / 2 or 1.0
 
     @functools.cached_property
-    def _tree(self) -> triangle_tree.Tree:
-        """Made when the first ray is cast: a GPU casts without it."""
+    def _tree(self) -> "triangle_tree.Tree":
+        """Made when the first ray is cast: a GPU casts without it, and without numba."""
+        from ddf.geometry import triangle_tree
+
         return triangle_tree.of(self.mesh.triangles[self.kept])
 
     def local(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
