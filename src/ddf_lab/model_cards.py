@@ -3,9 +3,7 @@
 A card says what a model is of, how it was trained and what it reaches.
 """
 
-import csv
 import dataclasses
-import io
 import json
 import shutil
 from collections.abc import Mapping, Sequence
@@ -159,12 +157,9 @@ def licence(seen: Sequence[manifest.Row]) -> list[str]:
 
 def write_sources(rows: Sequence[manifest.Row], path: Path) -> None:
     """Title, author, licence and source of each real shape once, as CC BY asks."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(("title", "author", "licence", "source"))
-    for row in sorted({row.id: row for row in rows}.values(), key=lambda row: row.id):
-        writer.writerow((row.id, row.creator, row.licence, row.source or f"{row.package} (Debian): {row.path}"))
-    storage.write_text(path, buffer.getvalue())
+    each = sorted({row.id: row for row in rows}.values(), key=lambda row: row.id)
+    told = [(r.id, r.creator, r.licence, r.source or f"{r.package} (Debian): {r.path}") for r in each]
+    storage.write_rows(path, [("title", "author", "licence", "source"), *told])
 
 
 def _scores(run: Run, folder: Path) -> list[str]:

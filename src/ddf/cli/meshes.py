@@ -1,10 +1,9 @@
 """Commands about meshes and clouds."""
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ddf.cli import arguments, results
+from ddf.cli import arguments, image_files, results
 from ddf.cli.arguments import MeshPath, Natural, Rays, Seed
 from ddf.cli.declare import Arg, command
 
@@ -99,8 +98,6 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     Examples:
       ddf cast shape.obj --rays rays.npz --out hits.npz
     """
-    import numpy as np
-
     from ddf.core import storage
     from ddf.geometry import mesh_io, raycast
     from ddf.geometry import rays as ray_files
@@ -108,9 +105,8 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     points = ray_files.read_npz(rays)
     loaded = mesh_io.load(mesh)
     hits = raycast.cast(loaded, points)
-    buffer = io.BytesIO()
-    np.savez(buffer, depth=hits.depth, visible=hits.visible, normals=hits.normals)
-    storage.write_bytes(out, buffer.getvalue())
+    arrays = {"depth": hits.depth, "visible": hits.visible, "normals": hits.normals}
+    storage.write_bytes(out, image_files.npz(arrays))
     count, seen = len(hits.depth), int(hits.visible.sum())
     verdict = f"{seen:,} of {count:,} rays hit; depth is in units of {mesh}, inf on a miss"
     verdict += results.left_out(loaded.remarks)

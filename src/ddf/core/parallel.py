@@ -5,10 +5,8 @@ with the others.
 """
 
 import contextlib
-import csv
 import dataclasses
 import hashlib
-import io
 import json
 import os
 import sys
@@ -201,11 +199,8 @@ def _plain(item: Any) -> Any:
 def _report(failures: Sequence[Failure], total: int, describe: str, path: Path) -> None:
     """Say up to five failures, list all in a file, and raise where there are too many."""
     reasons = [" ".join(failure.reason.split()) for failure in failures]
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["id", "stage", "reason"])
-    writer.writerows([each.id, each.stage, reason] for each, reason in zip(failures, reasons, strict=True))
-    storage.write_text(path, buffer.getvalue())
+    rows = [(each.id, each.stage, reason) for each, reason in zip(failures, reasons, strict=True)]
+    storage.write_rows(path, [("id", "stage", "reason"), *rows])
     for failure, reason in [*zip(failures, reasons, strict=True)][:_SHOWN]:
         sys.stderr.write(f"{describe}: left out {failure.id}: {reason[:300]}\n")
     if len(failures) > _SHOWN:

@@ -8,6 +8,7 @@ Equal input gives equal bytes. No pickle anywhere.
 
 import collections
 import contextlib
+import csv
 import hashlib
 import importlib.metadata
 import io
@@ -101,6 +102,13 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 def write_text(path: str | Path, text: str) -> None:
     """`text` as UTF-8 with its line ends untouched, under its final name at once."""
     write_bytes(path, text.encode("utf-8"))
+
+
+def write_rows(path: str | Path, rows: Iterable[Iterable[Any]]) -> None:
+    """Rows, the first of which names the columns, as CSV with LF."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    write_text(path, buffer.getvalue())
 
 
 def write_json(path: str | Path, data: Any) -> None:

@@ -189,7 +189,7 @@ def _tum(path: Path, intrinsics: Float[np.ndarray, "3 3"]) -> Iterator[_Frame]:
         nearest = int(np.abs(times - time).argmin())
         if abs(times[nearest] - time) <= _APART:
             pose = np.eye(4)
-            pose[:3, :3], pose[:3, 3] = _rotation(poses[nearest, 4:]), poses[nearest, 1:4]
+            pose[:3, :3], pose[:3, 3] = transforms.rotation_of(poses[nearest, 4:]), poses[nearest, 1:4]
             yield _Frame(path / name.strip(), _TUM_STEP, intrinsics, pose)
 
 
@@ -219,18 +219,6 @@ def _table(file: Path, lines: list[str], columns: int | None) -> Float[np.ndarra
         return found if columns is None else found.reshape(len(lines), columns)
     except ValueError as error:
         raise checks.InputError(f"{file}: must have {columns or 'some'} numbers a line ({error})") from error
-
-
-def _rotation(xyzw: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
-    """Of a quaternion, the real part last."""
-    x, y, z, w = xyzw / np.linalg.norm(xyzw)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def _intrinsics(path: Path) -> tuple[Float[np.ndarray, "3 3"], str]:

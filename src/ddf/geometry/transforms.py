@@ -119,6 +119,18 @@ def field_from_mesh(vertices: Float[np.ndarray, "n 3"]) -> Similarity:
     return Similarity(scale, np.eye(3), -scale * (lower + (upper - lower) / 2))
 
 
+def rotation_of(xyzw: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
+    """That of a quaternion of any length but 0, the real part last."""
+    x, y, z, w = xyzw / float(np.linalg.norm(xyzw))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def box_corners(lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"]) -> Float[np.ndarray, "8 3"]:
     """The corners of an axis-aligned box; the first is `lower`, the last `upper`."""
     return np.stack(np.meshgrid(*zip(lower, upper, strict=True), indexing="ij"), -1).reshape(8, 3)

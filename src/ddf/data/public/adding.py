@@ -3,10 +3,8 @@
 A folder of own shapes has `<category>/<id>.ply`, in the frame of ShapeNet v1 and facing X, and `manifest.FILE`.
 """
 
-import csv
 import functools
 import hashlib
-import io
 import logging
 import re
 from collections import Counter
@@ -157,10 +155,7 @@ def add(out: Path, source: Path, given: Mapping[str, str]) -> tuple[list[Entry],
     if not taken:
         raise checks.InputError(f"{source}: not one of {len(wanted)} meshes can be used; the lines above say why")
     every = split([entry for _, entry in sorted(({entry["id"]: entry for entry in others} | taken).items())])
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerows([manifest.COLUMNS, *([entry[name] for name in manifest.COLUMNS] for entry in every)])
-    storage.write_text(table, buffer.getvalue())
+    storage.write_rows(table, [manifest.COLUMNS, *([entry[name] for name in manifest.COLUMNS] for entry in every)])
     for gone in {place(out, entry) for entry in before} - {place(out, entry) for entry in every}:
         gone.unlink(missing_ok=True)
     return [entry for entry in every if entry["id"] in taken], left_out

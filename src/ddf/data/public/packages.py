@@ -6,6 +6,7 @@ A kept archive is whole or absent; it is read by the names of its members, so no
 package chose. With it in place nothing is fetched again.
 """
 
+import csv
 import io
 import lzma
 import os
@@ -43,37 +44,13 @@ class Package:
         return f"{self.name} {self.version}"
 
 
-# Name, version, size, SHA-256 and root of each.
-_PINNED = (
-    ("sweethome3d-furniture", "1.8-1", 119_782_356,
-     "3ccb90c63f9525e887a767b9cd5c8b6933b8b6b2973a615a5359ee68a2118668",
-     "usr/share/sweethome3d/furniture"),
-    ("flightgear-data-ai", "1:2020.3.16+dfsg-1", 286_529_020,
-     "a86b2acbf99ff2d49698abd2a2f4bc28ab0cf5a744218b4ca4d8aede8a67dc2f",
-     "usr/share/games/flightgear/AI/Aircraft"),
-    ("torcs-data", "1.3.7+dfsg-5", 333_308_448,
-     "33a170ec9db8bdf7e33cb07b96b9854d5ef9e47b1f82705e4c24d6caaf13fb99",
-     "usr/share/games/torcs/cars"),
-    ("trigger-rally-data", "0.6.6.1-3", 118_703_688,
-     "44ac51e6717e1aac7e93b76661cce19cf8bdba154dd1df2e93b7f593b2c37cb9",
-     "usr/share/games/trigger-rally"),
-    ("ufoai-data", "2.5-2", 312_258_886,
-     "de889e5fe78c054724c3fa584e26591362f3e479488e92c9788ce1cd68b6ac22",
-     "usr/share/games/ufoai/base"),
-    ("crrcsim-data", "0.9.13-3.2", 5_320_108,
-     "3a40a549636e6bf35b3244fa42e579cf28c7fd5a853a83682d0f902543b748d7",
-     "usr/share/games/crrcsim"),
-    ("sweethome3d", "7.0.2+dfsg-3", 17_004_768,
-     "54bce4394ae763da1ffccff8f025565ce7161dc6934371e07480034ef155c411",
-     "usr/share/sweethome3d"),
-    ("sumo-tools", "1.15.0+dfsg-1+deb12u1", 7_179_572,
-     "be4a462f5ccd8be9717981d60b229631802946757d19a4f2171bbf570c0bb238",
-     "usr/share/sumo/data/3D"),
-    ("minetest-mod-homedecor", "20210327.1-2", 2_097_856,
-     "555d078c37e2a26a66aea20affa8031ea7ff05e9def7c2f9eb60cd422feb9f6c",
-     "usr/share/games/minetest/mods/homedecor/homedecor_seating/models"),
-)  # fmt: skip
-PACKAGES = {row[0]: Package(*row) for row in _PINNED}
+def _pinned() -> dict[str, Package]:
+    """Those of `packages.csv`, by name."""
+    lines = csv.DictReader(Path(__file__).with_suffix(".csv").read_text(encoding="utf-8").splitlines())
+    return {line["name"]: Package(**{**line, "size": int(line["size"])}) for line in lines}
+
+
+PACKAGES = _pinned()
 
 
 def cache() -> Path:

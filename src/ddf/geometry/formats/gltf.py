@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ddf.core import checks
+from ddf.geometry import transforms
 from ddf.geometry.formats import raw, scenes
 
 MAX_JSON = 64 << 20  # bytes of the JSON part: a tree ten times as large in memory
@@ -270,17 +271,9 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
         return scenes.numbers(node["matrix"], 16, "matrix").reshape(4, 4).T
     matrix = np.eye(4)
     quaternion = scenes.numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4, "rotation")
-    norm = float(np.linalg.norm(quaternion))
-    if not 0 < norm < float("inf"):
+    if not 0 < float(np.linalg.norm(quaternion)) < float("inf"):
         raise checks.InputError("the rotation of a node must not be zero")
-    x, y, z, w = quaternion / norm
-    turn = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    turn = transforms.rotation_of(quaternion)
     matrix[:3, :3] = turn * scenes.numbers(node.get("scale", (1.0, 1.0, 1.0)), 3, "scale")
     matrix[:3, 3] = scenes.numbers(node.get("translation", (0.0, 0.0, 0.0)), 3, "translation")
     return matrix
