@@ -50,25 +50,37 @@ class Scores:
         shapes = rows.pivot_table(index="training", columns="id", values=score, aggfunc="mean", dropna=False)
         return factor * shapes.to_numpy(), factor * float(rows.groupby("training")[score].mean().mean())
 
-    def chance(self, one: Cell, two: Cell) -> tuple[float, float]:
-        """Two-sided, of no difference; and the gap, positive where the first is better."""
+    def gap(self, one: Cell, two: Cell) -> tuple[float, float, float]:
+        """By how much the first is better, its standard error, and the degrees of freedom of that."""
         first, second = self.of(one)[0], self.of(two)[0]
         paired = first.mean(0) - second.mean(0)
         terms = [(paired.var(ddof=1) / paired.size, paired.size - 1)]
         terms += [(own.mean(1).var(ddof=1) / len(own), len(own) - 1) for own in (first, second) if len(own) > 1]
         variance = sum(term for term, _ in terms)
         freedom = variance**2 / sum(term**2 / degrees for term, degrees in terms)
-        return 2 * stats.t.sf(abs(paired.mean()) / np.sqrt(variance), freedom), METRICS[one[3]][2] * paired.mean()
+        return METRICS[one[3]][2] * paired.mean(), np.sqrt(variance), freedom
 
     def better(self, pairs: set[tuple[Cell, Cell]]) -> set[tuple[Cell, Cell]]:
         """Those pairs that Holm's correction leaves, the better cell first."""
-        found = sorted((*self.chance(*pair), pair) for pair in pairs)
-        left = {}
-        for number, (chance, gap, pair) in enumerate(found):
+        gaps = {pair: self.gap(*pair) for pair in pairs}
+        found = sorted(
+            (2 * stats.t.sf(abs(gap) / error, freedom), pair) for pair, (gap, error, freedom) in gaps.items()
+        )
+        left = set()
+        for number, (chance, pair) in enumerate(found):
             if chance > 0.05 / (len(found) - number):
                 break
-            left[pair if gap > 0 else pair[::-1]] = chance
-        return set(left)
+            left.add(pair if gaps[pair][0] > 0 else pair[::-1])
+        return left
+
+    def told(self, cell: Cell) -> str:
+        """Over the best of the other models: how much, the interval of 95 %, how many shapes and trainings."""
+        others = [(cell[0], method, *cell[2:]) for method in MODELS.values() if method != cell[1]]
+        gap, error, freedom = min(self.gap(cell, other) for other in others if other[:3] in self.groups)
+        trainings, shapes = self.of(cell)[0].shape
+        digits = 1 if METRICS[cell[3]][1] == 100 else 3
+        of = f"{shapes} shapes, {trainings} training{'s' if trainings > 1 else ' alone'}"
+        return f"by {gap:.{digits}f} ± {stats.t.ppf(0.975, freedom) * error:.{digits}f}, {of}"
 
 
 def tables(text: str) -> Iterator[dict[Cell, str]]:

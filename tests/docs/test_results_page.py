@@ -7,11 +7,21 @@ import csv
 import itertools
 import json
 import re
+import sys
+import types
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, cast
 
+import _recomputed
+import numpy as np
+import pandas as pd
 import pytest
+
+from ddf.metrics import cloud_scores
+from ddf_lab.evaluation import claims, scoring
+from ddf_lab.report import model_sections, pages, scores
 
 ROOT = Path(__file__).resolve().parents[2]
 CATEGORIES = ("chair", "plane", "car")
@@ -23,6 +33,7 @@ METRICS = {
     "precision": ("precision_tau_x100", 1),
     "recall": ("recall_tau_x100", 1),
 }
+PRINTED = {"D_C": "D<sub>C</sub> ↓", "F(τ)": "F<sub>τ</sub> ↑"}
 LABELS = {"D<sub>C</sub> ↓": "D_C", "F<sub>τ</sub> ↑": "F(τ)", "F<sub>2τ</sub> ↑": "F(2τ)"}  # of reports
 MODELS = {"DDF": "ddf", "PC-SIREN": "pc_siren", "DDF+image": "ddf_image"}
 PAIRS = {  # rows with D_C and F(τ) in one cell
@@ -55,6 +66,7 @@ class Measured:
     def __init__(self, report: str) -> None:
         report, _, group = report.partition(":")
         path = ROOT / "reports" / report / "si3dr.csv"
+        self.folder = path.parent
         self.group, self.page = group, path.with_name("README.md").read_text()
         with path.open(newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["source"] == "measured"]
@@ -63,8 +75,8 @@ class Measured:
             for row in rows
         }
         self.open = path.with_name("per_image.csv").is_file()  # or no claim can be recomputed
-        bold = claims(self.page) if self.open else set()
-        self.claims = {(category.removeprefix(f"{group} "), *rest) for category, *rest in bold}
+        found = bold(self.page) if self.open else set()
+        self.claims = {(category.removeprefix(f"{group} "), *rest) for category, *rest in found}
 
     def value(self, *key: str) -> float:
         return float(self.rows[key]["value"])
@@ -75,7 +87,7 @@ class Measured:
         return f"{value} ± {float(row['spread']):.{digits}f}" if spread and float(row["seeds"]) > 1 else value
 
 
-def claims(report: str) -> set[tuple[str, ...]]:
+def bold(report: str) -> set[tuple[str, ...]]:
     """Category, method, column and metric of the cells of both models that the report's tables set in bold."""
     found, category = set(), ""
     for table in (block for block in report.split("\n\n") if block.startswith("|  | camera, points |")):
@@ -163,7 +175,9 @@ def best(measured: Measured) -> str:
         found[(min if metric == "D_C" else max)(there, key=lambda model: there[model])] += 1
         for model, key in keys.items():
             if key in measured.claims:
-                claimed.setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric}")
+                cell = (f"{measured.group} {category}".strip(), key[1], column, PRINTED[metric])
+                effect = _recomputed.Scores(measured.folder).told(cell)
+                claimed.setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({effect})")
     means = f"Best of {found.total()} means: {', '.join(f'{name} {count}' for name, count in found.most_common())}."
     if not measured.open:
         return f"{means} None is claimed to be better: scores per image of this run were not kept."
@@ -335,6 +349,39 @@ def test_what_is_claimed_below_a_table_is_what_the_report_claims(page, above, re
 @pytest.mark.parametrize(("above", "count"), [("On real shapes:", 10), ("On procedural shapes:", 8)])
 def test_readme_has_all_rows(above, count):
     assert len(cells(_parts((ROOT / "README.md").read_text(), above)[1])) == count
+
+
+def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
+    """DDF+image is 8 better in F(τ) for real chairs at the true camera, and nothing else differs."""
+    random, rows = np.random.default_rng(0), []
+    for category, method, column in itertools.product(CATEGORIES, MODELS.values(), ("Pi_g-L", "Pi_pred-L")):
+        ahead = 8.0 * ((category, method, column) == ("chair", "ddf_image", "Pi_g-L"))
+        for shape in range(12):
+            score = (50 + ahead + random.normal()) / 100
+            rows.append((f"real {category}", method, column, f"s{shape}", 0, 0.001, score, score, score, score, 0.5))
+    scored = pd.DataFrame(rows, columns=[*claims.IMAGE, *(metric.score for metric in cloud_scores.METRICS.values())])
+    table = scoring.summary(scored, pd.DataFrame(columns=[*claims.IMAGE]), pd.DataFrame(columns=["category"]))
+    groups = {f"real {category}": category for category in CATEGORIES}
+    found = types.SimpleNamespace(table=table, trainings=[scored], per_image=scored, groups=groups)
+    labels = {metric: scores.LABELS[metric] for metric in (CHAMFER, F_TAU)}
+    columns = ("Pi_g-L", "Pi_pred-L")
+    printed = scores.pairs(cast(Any, found), groups, columns, model_sections.MODELS, "", labels=labels)
+    assert printed is not None
+    folder = tmp_path / "reports" / "own"
+    pages.write(
+        pages.Page("Own", ["With the true camera, DDF+image is best"], [pages.Section("R", [printed, ""])]), folder
+    )
+    (folder / "si3dr.csv").write_text(table.to_csv(index=False))
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    closed, told = (
+        best(Measured("own:real")),
+        "None is claimed to be better: scores per image of this run were not kept.",
+    )
+    assert closed.endswith(told) and Measured("own:real").claims == set()
+    (folder / "per_image.csv").write_text(claims.as_text([scored]))
+    said = r"DDF\+image, true camera: chair F\(τ\) \(by (\d\.\d) ± 0\.\d, 12 shapes, 1 training alone\)\."
+    match = re.search(f"Claimed to be better than all others: {said}$", best(Measured("own:real")))
+    assert match and abs(float(match[1]) - 8) < 1
 
 
 def test_no_fake_has_a_better_score_than_samples():

@@ -5,8 +5,10 @@ import dataclasses
 import re
 
 import _recomputed
+import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from ddf_lab.evaluation import claims
 from ddf_lab.report import experiment_page, pages, stage_results
@@ -35,6 +37,24 @@ def page(reported, tmp_path_factory):
 def test_both_calculations_agree_and_something_is_bold(page):
     assert _recomputed.wrong(page) == []
     assert "**0." in (page / "README.md").read_text()
+
+
+def test_a_claim_names_effect_interval_and_number(page):
+    """Over one training the interval is that of SciPy's paired test."""
+    scores = _recomputed.Scores(page)
+    cell = ("chair", "ddf", "Pi_g-L", "F<sub>τ</sub> ↑")
+    best = max(scores.of((cell[0], method, *cell[2:]))[1] for method in ("pc_siren", "ddf_image"))
+    gap, (shapes, trainings) = scores.of(cell)[1] - best, scores.of(cell)[0].shape[::-1]
+    assert scores.told(cell).startswith(f"by {gap:.1f} ± ")
+    assert scores.told(cell).endswith(f", {shapes} shapes, {trainings} trainings")
+    first, second = np.random.default_rng(0).normal([[5.0], [4.0]], 1, (2, 9))
+    scores.groups = {
+        ("a", method, "Pi_g-L"): pd.DataFrame({"training": 0, "id": range(9), "f_score_tau": values / 100})
+        for method, values in (("ddf", first), ("pc_siren", second))
+    }
+    low, high = stats.ttest_rel(first, second).confidence_interval()
+    half = f"by {(low + high) / 2:.1f} ± {(high - low) / 2:.1f}, 9 shapes, 1 training alone"
+    assert scores.told(("a", *cell[1:])) == half
 
 
 WRONG = {  # what is put into the page, for what, and what is told
