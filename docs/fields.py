@@ -3,30 +3,31 @@
 Its metadata hold the checksums of the fields.
 """
 
+import io
 import json
-import tempfile
 from pathlib import Path
 
 from PIL import Image
 
-from ddf import cli
+import ddf
+from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.engine import publish
 
 FIELDS = ("rabbit", "armchair", "airliner", "nested")
-OUTPUTS = ("depth", "normals", "mean_curvature")
-SIZE = 280  # pixels of each picture a side
+OUTPUTS = {"depth": "Depth", "normals": "Normals", "mean_curvature": "Mean curvature"}
+SIDE = 280  # pixels of each picture
 OUT = Path(__file__).with_suffix(".webp")
 
 
 def main() -> None:
     """One row an output, one column a field."""
-    sheet = Image.new("RGB", (SIZE * len(FIELDS), SIZE * len(OUTPUTS)), "white")
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "field.png"
-        for row, output in enumerate(OUTPUTS):
-            for column, name in enumerate(FIELDS):
-                cli.main(["render", name, str(file), "--output", output, "--size", str(SIZE)])
-                sheet.paste(Image.open(file).convert("RGB"), (SIZE * column, SIZE * row))
+    asked = (*OUTPUTS, "visibility")
+    images = [ddf.load(name).render(size=SIDE, outputs=asked) for name in FIELDS]
+    rows = [
+        picture_strips.StripRow(label, (), [field_pictures.picture(output, each) for each in images])
+        for output, label in OUTPUTS.items()
+    ]
+    sheet = Image.open(io.BytesIO(picture_strips.strip(FIELDS, rows, len(FIELDS), SIDE)))
     sheet.save(OUT, quality=80, xmp=json.dumps(publish.shipped("field")).encode())
 
 

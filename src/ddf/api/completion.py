@@ -47,12 +47,12 @@ class Completion:
     def interval(
         self, positions: npt.ArrayLike, directions: npt.ArrayLike, share: float = 0.9
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Between which depths other rays would meet the surface, with that probability.
+        """Between which depths other rays meet the surface with that probability, if they meet it.
 
         Args:
           positions, directions: (n, 3), frame of the scan; directions of length 1. share: in (0, 1).
         Returns:
-          Lower and upper depth, NaN where the ray likely meets nothing.
+          Lower and upper depth, NaN where the ray misses the model's cube.
         Raises:
           ValueError: a wrong shape, or a share that is none.
         """

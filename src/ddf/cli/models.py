@@ -218,8 +218,7 @@ def complete(
         "residual_median": float(np.median(both)) if len(both) else None,
         "seen": float(found.seen.mean()),
         "spread_median": {
-            name: float(np.nanmedian(found.spread[chosen])) if np.isfinite(found.spread[chosen]).any() else None
-            for name, chosen in halves.items()
+            name: float(np.median(found.spread[chosen])) if chosen.any() else None for name, chosen in halves.items()
         },
         "seconds": round(seconds, 3),
         "left_out": list(given.remarks),

@@ -1,5 +1,6 @@
 """What a completed shape is like where nothing saw it: its field, its cloud, and how far the truth may be off."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,9 @@ from ddf.geometry import neighbours, rays, scans
 _REACH = 2.0  # of the median spacing of hits: a point nearer to a hit was seen
 _ASKED_FROM = 0.3  # half longest sides before a point
 _SIDES = 12  # from which a point is looked at, to find one that sees it
-_DRAWS = 4  # of a shape's own blur, for an interval
+_WIDER, _FARTHER = 0.25, 5.0  # share of errors that are so many times wider than the others, on validation scans
+_FAINTEST = 1e-3  # a shape that a ray seems to miss counts as much as one of that visibility, at least
+_HALVINGS = 24  # of what holds the end of an interval
 _CHUNK = 8192  # rays at a time
 DEVIATION = 0.683  # share of an interval of plus and minus one deviation
 
@@ -24,7 +27,7 @@ DEVIATION = 0.683  # share of an interval of plus and minus one deviation
 @dataclass(frozen=True)
 class Cloud:
     """In the frame of the scan. seen: near a hit, the rest is inferred. spread: deviation of the distance at which a
-    ray that looks at the point would find the surface; NaN where too few of the shapes left open are seen there.
+    ray that looks at the point would find the surface.
     """
 
     points: Float[np.ndarray, "n 3"]
@@ -51,7 +54,7 @@ def cloud(network: pddf.PDDF, found: completion.Completed, scan: scans.Scan, cou
     hits = neighbours.Neighbours(hits[(np.abs(hits) <= rendering.CUBE_HALF).all(axis=-1)], "hits")
     reach = max(_REACH * float(np.median(hits.spacing())), 2 * found.width)
     seen = hits.dist_sq(neighbours.Neighbours(points.double().numpy(), "points")) <= reach**2
-    low, high = intervals(network, found, *_looking(network, found, points), DEVIATION, seed)
+    low, high = intervals(network, found, *_looking(network, found, points), DEVIATION)
     return Cloud(
         found.scan_from_field.apply(points.double().numpy()), seen, (high - low) / 2 * found.scan_from_field.scale
     )
@@ -76,36 +79,42 @@ def intervals(
     positions: Float[Tensor, "n 3"],
     directions: Float[Tensor, "n 3"],
     share: float,
-    seed: int = 0,
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
     """Where along rays of the field frame the surface is, with the probability `share` if there is one.
 
-    From the shapes that the scan leaves open: of each a component by its weight, blurred by Laplace's density.
+    From the shapes that the scan leaves open: of each the components by their weights and by its visibility, blurred by
+    the scatter of the scan's own hits.
 
     Args:
       positions: in the cube.
     Returns:
-      Lower and upper depth, field units; NaN where under half of the shapes are visible.
+      Lower and upper depth, field units.
     """
-    if not len(positions):
-        return np.zeros(0), np.zeros(0)
-    generator, low, high = torch.Generator().manual_seed(seed), [], []
-    shapes = len(found.samples[0])
-    for start in range(0, len(positions), max(1, _CHUNK // shapes)):
-        part = slice(start, start + max(1, _CHUNK // shapes))
+    low, high, shapes = [], [], len(found.samples[0])
+    edges = torch.tensor([[1 - share], [1 + share]]).to(positions) / 2
+    reach = -_FARTHER * found.scatter * math.log((1 - share) / 2)
+    for part in torch.arange(len(positions)).split(max(1, _CHUNK // shapes)):
         asked = (values[part].expand(shapes, -1, -1) for values in (positions, directions))
         raw = network(*asked, found.samples)
-        chances = torch.rand(_DRAWS, *raw.shape[:-1], 1, generator=generator)
-        component = (chances > pddf.weights(raw).cumsum(-1)[..., :-1]).sum(-1)
-        depths = network.depths(raw).expand(_DRAWS, *raw.shape[:-1], -1).gather(-1, component[..., None])[..., 0]
-        even = torch.rand(depths.shape, generator=generator) - 0.5
-        depths = depths - found.width * even.sign() * torch.log1p(-2 * even.abs())
-        depths = torch.where(raw[..., pddf.VISIBILITY_ROW] >= 0, depths, torch.nan).flatten(0, 1)
-        ends = torch.nanquantile(depths, torch.tensor([0.5 - share / 2, 0.5 + share / 2]), dim=0)
-        few = depths.isfinite().float().mean(0) < 0.5
-        low.append(ends[0].masked_fill(few, torch.nan))
-        high.append(ends[1].masked_fill(few, torch.nan))
-    return torch.cat(low).double().numpy(), torch.cat(high).double().numpy()
+        weights = pddf.weights(raw) * (torch.sigmoid(raw[..., pddf.VISIBILITY_ROW, None]) + _FAINTEST)
+        weights, depths = weights / weights.sum((0, 2), keepdim=True), network.depths(raw)
+        lower, upper = (each.expand(2, -1) for each in (depths.amin((0, 2)) - reach, depths.amax((0, 2)) + reach))
+        for _ in range(_HALVINGS):
+            middle = (lower + upper) / 2
+            below = (weights * _share_below(middle[:, None, :, None] - depths, found.scatter)).sum((1, 3)) < edges
+            lower, upper = torch.where(below, middle, lower), torch.where(below, upper, middle)
+        low.append(lower[0].clamp_min(0))
+        high.append(upper[1].clamp_min(0))
+    return tuple(torch.cat([positions.new_zeros(0), *each]).double().numpy() for each in (low, high))  # type: ignore
+
+
+def _share_below(off: Tensor, width: float) -> Tensor:
+    """Of the blur: Laplace's distribution, which is wider for some of the errors."""
+
+    def below(scale: float) -> Tensor:
+        return torch.where(off < 0, (off / scale).exp() / 2, 1 - (-off / scale).exp() / 2)
+
+    return (1 - _WIDER) * below(width) + _WIDER * below(_FARTHER * width)
 
 
 def along_rays(

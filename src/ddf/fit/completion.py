@@ -69,7 +69,7 @@ class CompletionConfig:
     rays: of the scan in a step. draws: shapes, and poses, that are tried; starts: the best of them, from which the
     descent begins; kept: those that go on after the first third. steps, rate: of Adam; pose_rate: of the pose. blur: b
     of a noiseless sensor, field units, for the field itself is not exact. prior: λ. outliers: ε. axes: of u.
-    samples: of Laplace's approximation; widened: their deviation, times.
+    samples: of Laplace's approximation.
     """
 
     rays: int = 400
@@ -84,7 +84,6 @@ class CompletionConfig:
     prior: float = 0.003
     outliers: float = 0.1
     samples: int = 32
-    widened: float = 6.0
 
 
 _KNOWN = CompletionConfig(rays=100, draws=1024, starts=16)  # of a shape that is known
@@ -97,6 +96,7 @@ class Completed:
     scan_from_field: the pose. modulations: of the field; `samples`: of as many shapes that the scan leaves open.
     residuals: range seen minus range of the field, unit of the scan, of every ray of the scan that meets the cube
     and that both see; NaN elsewhere. explained: share of hits in the cube within three `width` of the field's.
+    scatter: mean distance of these hits from the field's along the ray, field units, whether it sees anything or not.
     likeness: the probability that the object is of the model's kind (`_likeness`). loss: that of the descent. width: b,
     field units, with the sensor's noise.
     """
@@ -106,6 +106,7 @@ class Completed:
     samples: list[Float[Tensor, "s 1 _"]]
     residuals: Float[np.ndarray, "n"]
     explained: float
+    scatter: float
     likeness: float
     loss: float
     width: float
@@ -182,9 +183,8 @@ def complete(
     spread = _open(problem, sample.some((0, 0)), best, generator)
     modulations = [each.detach()[0] for each in model.modulations(prior.latents(best.u))]
     samples = [each.detach() for each in model.modulations(prior.latents(spread))]
-    residuals, explained = _residuals(problem, scan, pose, modulations)
-    likeness = _likeness(problem, best, sample)
-    return Completed(pose, modulations, samples, residuals, explained, likeness, float(loss), width)
+    told = _residuals(problem, scan, pose, modulations)
+    return Completed(pose, modulations, samples, *told, _likeness(problem, best, sample), float(loss), width)
 
 
 def find(
@@ -496,14 +496,14 @@ def _open(problem: _Problem, seen: _Rays, best: _State, generator: torch.Generat
     curvature = torch.eye(each.shape[1]) + slopes.T @ slopes / len(slopes) / problem.config.prior
     drawn = torch.randn(problem.config.samples, len(best.u[0]), generator=generator)
     factor = torch.linalg.cholesky(curvature)
-    return best.u + problem.config.widened * torch.linalg.solve_triangular(factor.T, drawn.T, upper=True).T
+    return best.u + torch.linalg.solve_triangular(factor.T, drawn.T, upper=True).T
 
 
 @torch.no_grad()
 def _residuals(
     problem: _Problem, scan: scans.Scan, pose: transforms.Similarity, modulations: list[Tensor]
-) -> tuple[Float[np.ndarray, "n"], float]:
-    """Of every ray of the scan, and which share of the hits in the cube the field explains."""
+) -> tuple[Float[np.ndarray, "n"], float, float]:
+    """`residuals`, `explained` and `scatter` of what is completed."""
     inverse = pose.inverse()
     like = problem.prior.mean
     values = (
@@ -522,4 +522,4 @@ def _residuals(
     residuals = np.full(len(scan.ranges), np.nan)
     residuals[inside.numpy()] = torch.where(seen, off, torch.nan).double().numpy() * pose.scale
     near_enough = seen & (off.abs() <= 3 * problem.width)
-    return residuals, float(near_enough.float().mean())
+    return residuals, float(near_enough.float().mean()), float(off.abs().mean())

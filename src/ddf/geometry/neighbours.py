@@ -1,7 +1,10 @@
-"""Nearest neighbours between point clouds in float64, by SciPy's KD-tree; distances are squared, to the last bit.
+"""Nearest neighbours between point clouds in float64: by Open3D's KD-tree, or by SciPy's where there is no Open3D.
 
-SciPy tells distances that are not squared, whose square no longer equals a threshold exactly: they are computed anew.
+Both give the same squared distances, to the last bit: SciPy tells distances that are not squared, whose square no
+longer equals a threshold exactly, so they are computed anew.
 """
+
+import importlib.util
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,14 +18,24 @@ class Tree:
     """A KD-tree over a cloud: build once, search often."""
 
     def __init__(self, points: Float[np.ndarray, "n 3"]) -> None:
-        from scipy import spatial  # takes long to import
+        self.points, self._cloud = points, None
+        if importlib.util.find_spec("open3d") is None:
+            from scipy import spatial  # takes long to import
 
-        self.points, self._tree = points, spatial.cKDTree(points)
+            self._tree = spatial.cKDTree(points)
+        else:
+            from open3d import core
+
+            self._cloud, self._tree = core.Tensor, core.nns.NearestNeighborSearch(core.Tensor(points))
+            self._tree.knn_index()
 
     def search(
         self, queries: Float[np.ndarray, "m 3"], count: int
     ) -> tuple[Int[np.ndarray, "m {count}"], Float[np.ndarray, "m {count}"]]:
         """Indices of the `count` nearest points of the cloud, nearest first, and their squared distances."""
+        if self._cloud is not None:
+            index, dist_sq = (each.numpy() for each in self._tree.knn_search(self._cloud(queries), count))
+            return index.view(np.int64), dist_sq
         index = self._tree.query(queries, list(range(1, count + 1)), workers=-1)[1]
         x, y, z = np.moveaxis(queries[:, None] - self.points[index], -1, 0)
         return index, x**2 + y**2 + z**2

@@ -128,7 +128,7 @@ def test_a_scan_of_a_field_gives_back_its_pose_and_shape():
     assert degrees < 3 and abs(found.scan_from_field.scale / 0.4 - 1) < 0.02 and away < 0.02
     assert found.explained > 0.9 and np.nanmedian(np.abs(found.residuals)) < 0.005
     seen = completed_surface.cloud(model.field, found, scan, 400)
-    assert 0.1 < seen.seen.mean() < 0.9 and np.isfinite(seen.spread).mean() > 0.7
+    assert 0.1 < seen.seen.mean() < 0.9 and np.isfinite(seen.spread).all()
     field = completed_surface.field(model.field, found)
     inside, looking = _models.points(50)
     plain, conditioned = field.field(inside, looking), model.field(inside, looking, found.modulations)
@@ -162,10 +162,11 @@ def test_scans_that_say_nothing_are_told_apart():
 def test_interval_of_one_sure_shape_is_that_of_its_blur():
     model, _, shape = _chair()
     assert shape.modulations is not None
-    many = [each.expand(3000, 1, -1) for each in shape.modulations]
-    found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, 1.0, 0.0, 0.02)
+    many, scatter = [each.expand(8, 1, -1) for each in shape.modulations], 0.02
+    found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, scatter, 1.0, 0.0, 0.03)
     scan = _scan(shape, 24)
-    low, high = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
+    ends = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
+    low, high = ends
     sure = scan.hit.copy()
     inverse = PLACE.inverse()
     along = inverse.apply_directions(scan.directions)
@@ -174,9 +175,30 @@ def test_interval_of_one_sure_shape_is_that_of_its_blur():
     raw = model.field(*entering, list(shape.modulations))
     sure[meets] &= (pddf.weights(raw).amax(-1) > 0.999).numpy()
     assert sure.sum() > 5
-    np.testing.assert_allclose((high - low)[sure] / 0.4, 2 * 0.02 * math.log(10), rtol=0.1)
+    half = (high - low)[sure] / 2 / 0.4 / scatter
+    outside = 0.75 * np.exp(-half) + 0.25 * np.exp(-half / 5)  # of the blur, in closed form
+    np.testing.assert_allclose(outside, 0.1, atol=0.01)
     np.testing.assert_allclose((high + low)[sure] / 2, scan.ranges[sure], atol=0.003)
-    assert np.isnan(low[~scan.hit]).all()
+    assert np.isnan(low[~meets]).all() and np.isfinite(np.stack(ends)[:, meets]).all()
+
+
+def test_intervals_of_several_shapes_hold_their_share_of_what_is_drawn_from_them():
+    model, prior, _ = _chair()
+    latents = prior.latents(0.3 * torch.randn(6, 32, generator=torch.Generator().manual_seed(1)))
+    samples = [each.detach() for each in model.modulations(latents)]
+    found = completion.Completed(PLACE, [each[0] for each in samples], samples, np.zeros(0), 1.0, 0.03, 1.0, 0.0, 0.03)
+    positions, directions = torch.tensor([[0.1, 0.2, 1.0]]), torch.tensor([[0.0, 0.0, -1.0]])
+    with torch.no_grad():
+        raw = model.field(positions.expand(6, 1, 3), directions.expand(6, 1, 3), samples)
+        depths = model.field.depths(raw)[:, 0]
+        weights = (pddf.weights(raw)[:, 0] * torch.sigmoid(raw[:, 0, pddf.VISIBILITY_ROW, None])).double().flatten()
+    rng, draws = np.random.default_rng(0), 40_000
+    chosen = rng.choice(depths.numel(), draws, p=(weights / weights.sum()).numpy())
+    drawn = depths.flatten().numpy()[chosen] + rng.laplace(0, 0.03 * np.where(rng.random(draws) < 0.25, 5, 1))
+    for share in (0.5, 0.9):
+        low, high = completed_surface.intervals(model.field, found, positions, directions, share)
+        assert np.mean(drawn < low) == pytest.approx((1 - share) / 2, abs=0.01)
+        assert np.mean(drawn > high) == pytest.approx((1 - share) / 2, abs=0.01)
 
 
 def test_guess_is_the_box_of_the_hits_with_the_vertical_up():
