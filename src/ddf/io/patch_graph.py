@@ -12,7 +12,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from ddf.fields import field_outputs
+from ddf.fields import derivatives, field_outputs
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.grid import kernels, octree, patch_field
 from ddf.io.onnx_graphs import DYNAMIC, Graph
@@ -111,7 +111,7 @@ class Step(_Patches):
         ids = first[:, None] + slots * there
         row = self.rows[ids].double()
         normal, offset, a, b, c = row[..., :3], row[..., 3], row[..., 4], row[..., 5], row[..., 6]
-        one, two = _tangents(normal)
+        one, two = derivatives.tangent_basis(normal)
         u, w = (one * x[:, None]).sum(-1), (two * x[:, None]).sum(-1)
         vu, vw = (one * v[:, None]).sum(-1), (two * v[:, None]).sum(-1)
         q0 = (normal * x[:, None]).sum(-1) - offset - 0.5 * (a * u * u + 2 * b * u * w + c * w * w)
@@ -155,7 +155,7 @@ class Finish(_Patches):
         """The outputs in order, float32."""
         seen = torch.isfinite(depth)
         depth, row = torch.where(seen, depth, torch.zeros_like(depth)), self.rows[patch].double()
-        one, two = _tangents(row[:, :3])
+        one, two = derivatives.tangent_basis(row[:, :3])
         x = p + depth[:, None] * v - self.centres[patch]
         u, w, a, b, c = (one * x).sum(1), (two * x).sum(1), row[:, 4], row[:, 5], row[:, 6]
         g, h = a * u + b * w, b * u + c * w
@@ -172,15 +172,6 @@ class Finish(_Patches):
             "gaussian_curvature": seen * (a * c - b * b) / (square * square),
         }
         return tuple(found[name].float() for name in self.outputs)
-
-
-def _tangents(normal: Tensor) -> tuple[Tensor, Tensor]:
-    """Two unit tangents of unit normals (..., 3), as the kernel's."""
-    x, y, z = normal.unbind(-1)
-    sign = torch.where(z >= 0, torch.ones_like(z), -torch.ones_like(z))
-    a = -1 / (sign + z)
-    b = x * y * a
-    return torch.stack([1 + sign * x * x * a, sign * b, -sign * x], -1), torch.stack([b, sign + y * y * a, -y], -1)
 
 
 class PatchGraph(Graph):
