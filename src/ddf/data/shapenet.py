@@ -95,7 +95,7 @@ def list_shapes(root: Path, synset: str) -> list[str]:
 
 
 def list_classes(root: Path) -> list[str]:
-    """Synsets of all classes that have renders, sorted; InputError where there are none, or another folder."""
+    """Synsets of all classes that have renders, sorted; InputError where there are none, or any other folder."""
     folder = _renders(root)
     synsets = _folders(folder)
     unknown = [name for name in synsets if not _SYNSET.fullmatch(name)]

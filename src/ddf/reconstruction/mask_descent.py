@@ -36,8 +36,8 @@ def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
 def latent_deviation(
     model: reconstruction_models.DDFModel, features: Float[Tensor, "m features"]
 ) -> Float[Tensor, "z"]:
-    """Standard deviations of the latents that the shape encoder gives to images of these pooled features; InputError
-    where they are not two.
+    """Standard deviations of the latents that the shape encoder gives to images of these pooled features, two or more;
+    InputError of fewer.
     """
     if len(features) < 2:
         raise checks.InputError(f"latents vary between images: at least 2 are needed; got {len(features)}")

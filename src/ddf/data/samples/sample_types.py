@@ -103,8 +103,8 @@ def scaled(counts: Mapping[str, int], share: int | float) -> dict[str, int]:
 
 
 def stored(name: str, counts: Mapping[str, int]) -> dict[str, int]:
-    """Samples of each stored type in order; `LEFT_OUT` of one that is not given. `name` is the config's key. InputError
-    names it.
+    """Samples of each stored type in order; `LEFT_OUT` of one that is not given. InputError, with the config's key
+    `name`, where a type is unknown or without samples.
     """
     if not set(counts) <= set(KINDS) or min(counts.values(), default=1) < 1:
         raise checks.InputError(f"{name} may give each of {', '.join(KINDS)} >= 1; got {dict(counts)}")

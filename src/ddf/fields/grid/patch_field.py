@@ -63,7 +63,7 @@ class PatchField:
 
     def seen(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether the rays that the field was fitted to saw all the way up to the answer, in the mesh's frame;
-        InputError where that was a mesh.
+        InputError where it was fitted to a mesh.
         """
         if octree.UNSEEN not in self.arrays:
             raise checks.InputError("the field was not fitted to rays, so all of it is known")
