@@ -27,6 +27,7 @@ from ddf.reconstruction import framing
 from ddf_lab.evaluation import generative_shapes
 
 ON_DEMAND = "python -m bench generate, some minutes"
+KEPT = True  # rows of other categories
 COUNT, POINTS, TRUTH_POINTS = 40, 1500, 6000
 BLUR, NOISE = 0.3, 0.03  # width of the blurred samples' prior; standard deviation in v1
 K = transforms.BENCHMARK_FROM_V1
