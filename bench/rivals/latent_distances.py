@@ -87,10 +87,10 @@ def drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> Float[np.ndarray,
     return np.column_stack([points, f]).astype(np.float32)
 
 
-def of_run(run: Run, steps: int = Training.steps) -> LatentDistances:
+def of_run(run: Run) -> LatentDistances:
     """Of a category of a run whose stage `meshes` is done; kept beside its artefacts, where a second call finds it."""
     train = run.section(reconstruction_settings.TrainConfig)
-    config = Training(train.decoder, train.latent_features, steps)
+    config = Training(train.decoder, train.latent_features)
     shapes = storage.read_json(run.index)["categories"][run.category]["shapes"]
     wanted = {shape["id"] for shape in shapes if shape["train_views"]}
     digest = hashlib.sha256(repr((config, storage.checksum(run.index))).encode()).hexdigest()

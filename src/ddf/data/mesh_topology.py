@@ -18,16 +18,13 @@ TOLERANCE = 1e-5  # of the diagonal: the noise of float32 far from the origin; t
 _BLOCK = 1 << 16  # edges at once: each meets a few triangles along its line
 
 
-def pierced(mesh: Mesh, tolerance: float = TOLERANCE) -> Int[np.ndarray, "k 2"]:
-    """Edges (by their vertices) that pierce a triangle, as pairs of vertices, one row per piercing.
-
-    Args:
-      mesh: of which every triangle has an area.
-      tolerance: share of the diagonal.
+def pierced(mesh: Mesh) -> Int[np.ndarray, "k 2"]:
+    """Edges (by their vertices) that pierce a triangle, as pairs of vertices, one row per piercing; of a mesh of which
+    every triangle has an area.
     """
     scene = raycast.Scene(mesh)
     edges = np.unique(np.sort(_edges(mesh.faces), axis=1), axis=0)
-    local, least = scene.local(mesh.vertices), tolerance * mesh.diagonal() / scene.scale
+    local, least = scene.local(mesh.vertices), TOLERANCE * mesh.diagonal() / scene.scale
     found = [
         block[
             _deep(
@@ -289,19 +286,19 @@ def opening_loops(mesh: Mesh) -> list[Int[np.ndarray, "k"]]:
     return found
 
 
-def opening_width(mesh: Mesh, loop: Int[np.ndarray, "k"]) -> float:
-    """Diagonal of the box of an opening, as a share of the mesh's."""
-    corners = mesh.vertices[loop]
-    return float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)) / mesh.diagonal())
-
-
 def entered_openings(mesh: Mesh, wrap: Mesh) -> list[float]:
-    """Widths of the openings that a closed wrap of the mesh goes through: what lies behind them is a shell."""
+    """Widths, diagonals of their boxes as shares of the mesh's, of the openings that a closed wrap of the mesh goes
+    through: what lies behind them is a shell.
+    """
     found = opening_loops(mesh)
     if not found:
         return []
     through = raycast.Scene(wrap).outside(np.stack([mesh.vertices[loop].mean(axis=0) for loop in found]))
-    return [opening_width(mesh, loop) for loop, out in zip(found, through, strict=True) if out]
+    return [
+        float(np.linalg.norm(np.ptp(mesh.vertices[loop], axis=0)) / mesh.diagonal())
+        for loop, out in zip(found, through, strict=True)
+        if out
+    ]
 
 
 def fill_openings(mesh: Mesh) -> tuple[Mesh, int]:
