@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import _browsers
 import numpy as np
 import pytest
 from _shapes import torus
@@ -12,7 +13,6 @@ from _support import assert_close
 from PIL import Image
 
 import ddf
-from bench.lib import browsers
 from ddf.cli import views
 from ddf.core import shipped_models
 from ddf.fields import checked_cloud
@@ -58,13 +58,13 @@ class Opened:
 
 @pytest.fixture(scope="module")
 def driver() -> Iterator[Any]:
-    with browsers.driver() as driver:
+    with _browsers.driver() as driver:
         yield driver
 
 
 def _launched(driver: Any, name: str) -> Any:
     try:
-        return browsers.launched(driver, name)
+        return _browsers.launched(driver, name)
     except FileNotFoundError as missing:
         pytest.skip(str(missing))
 
@@ -74,7 +74,7 @@ def browser(driver) -> Any:
     return _launched(driver, "chromium")
 
 
-@pytest.fixture(scope="module", params=browsers.PROGRAMS)
+@pytest.fixture(scope="module", params=_browsers.PROGRAMS)
 def either(request, driver) -> Any:
     return request.getfixturevalue("browser") if request.param == "chromium" else _launched(driver, request.param)
 

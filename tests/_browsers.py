@@ -21,7 +21,7 @@ def driver() -> Iterator[Any]:
     from playwright import sync_api
 
     before = os.environ.get("NODE_OPTIONS", "")
-    os.environ["NODE_OPTIONS"] = f"{before} --require={Path(__file__).with_name('firefox.cjs')}"
+    os.environ["NODE_OPTIONS"] = f"{before} --require={Path(__file__).with_name('_firefox.cjs')}"
     try:
         with sync_api.sync_playwright() as found:
             yield found
