@@ -1,5 +1,6 @@
 """Shape checks at run time, the folder of real meshes, and one way to compare arrays."""
 
+import functools
 from pathlib import Path
 
 import jaxtyping
@@ -18,6 +19,14 @@ def shared_dir() -> Path:
     if not (folder / "meshes").is_dir():
         pytest.skip("../shared/meshes is not there")
     return folder
+
+
+@pytest.fixture
+def few_hits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Distances of a field are measured to a tenth of the usual hits, which take ten seconds to draw."""
+    from ddf.fields import checked_cloud
+
+    monkeypatch.setattr(checked_cloud, "draw", functools.partial(checked_cloud.draw, count=checked_cloud.COUNT // 10))
 
 
 @pytest.fixture(params=["float32", "float64"])

@@ -126,7 +126,8 @@ class Queried:
           >>> distances.shape, directions.shape, bool(distances[0] > 0.5)
           ((1,), (1, 3), True)
         """
-        return self.cloud.distances(require_points("positions", positions))
+        asked = require_points("positions", positions)  # before a cloud is drawn
+        return self.cloud.distances(asked)
 
     @cached_property
     def cloud(self) -> checked_cloud.CheckedCloud:

@@ -53,17 +53,6 @@ def test_a_far_triangle_without_area_moves_neither_samples_nor_fit(cases, tmp_pa
         assert (frame["scale"], frame["translation"]) == (2, [-1, -1, -1])
 
 
-def test_a_picture_turned_by_exif_is_reconstructed_alike(cases, tmp_path, answer):
-    made = [
-        (
-            answer("reconstruct", cases / f"{name}.png", "chair", tmp_path / name, "-n", 50)["camera"],
-            (tmp_path / name / "cloud.ply").read_bytes(),
-        )
-        for name in ("base", "exif6")
-    ]
-    assert made[0] == made[1]
-
-
 def test_a_synset_given_twice_is_refused(cases, tmp_path, refusal):
     line = refusal("split", cases / "ids_repeated_key.json", "--out", tmp_path / "lists")
     assert "'03001627' is given twice" in line

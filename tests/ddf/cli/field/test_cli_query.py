@@ -68,6 +68,7 @@ def test_surface_is_a_mesh_with_its_scores(tmp_path, answer):
     assert np.abs(mesh.vertices).max() < 1.6
 
 
+@pytest.mark.usefixtures("few_hits")
 def test_distances_are_those_of_the_interface(tmp_path, answer):
     positions = np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 2.0]])
     np.savez(tmp_path / "p.npz", positions=positions)

@@ -10,16 +10,20 @@ import torch
 from PIL import Image
 
 import ddf
+from ddf.api import reconstruction
 from ddf.core import shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import model_files
 from ddf.geometry import mesh_io
 from ddf.models import out_of_distribution, reconstruction_models
-from ddf.reconstruction import framing
+from ddf.reconstruction import framing, one_image, solid
 
 
 @pytest.fixture
-def model_dir(tmp_path):
+def model_dir(tmp_path, monkeypatch):
+    """An untrained model, whose shape is noise: made coarsely."""
+    for module, name, coarse in ((one_image, "WHOLE", 400), (solid, "_CELLS", 16), (reconstruction, "_TOLERANCE", 0.05)):
+        monkeypatch.setattr(module, name, coarse)
     return _models.write_model(tmp_path / "model")
 
 
