@@ -29,6 +29,15 @@ def few_hits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checked_cloud, "draw", functools.partial(checked_cloud.draw, count=checked_cloud.COUNT // 10))
 
 
+@pytest.fixture
+def quick_completion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scans are completed in a second, and badly."""
+    from ddf.fit import completion
+
+    quick = completion.CompletionConfig(rays=100, draws=8, starts=1, kept=1, axes=8, steps=4, samples=4)
+    monkeypatch.setattr(completion, "CompletionConfig", lambda: quick)
+
+
 @pytest.fixture(params=["float32", "float64"])
 def dtype(request: pytest.FixtureRequest):
     """The two types of numbers in which hard inputs are tried."""

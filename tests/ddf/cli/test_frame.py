@@ -142,8 +142,7 @@ def test_negative_values_are_no_options():
     assert frame.with_negative_values(["--camera=1", "-2"]) == ["--camera=1", "-2"]
 
 
-@pytest.mark.parametrize("mode", ["utf8=0", "utf8=1"])
-@pytest.mark.parametrize("arguments", [[], ["--json"]])
+@pytest.mark.parametrize(("mode", "arguments"), [("utf8=0", []), ("utf8=1", ["--json"])])
 def test_what_an_ascii_terminal_cannot_show_is_escaped(arguments, mode, tmp_path):
     (tmp_path / "stühle.json").write_text(json.dumps({"03001627": ["a", "b"]}))
     program = [sys.executable, "-X", mode, "-c", "import sys, ddf.cli; sys.exit(ddf.cli.main())"]

@@ -8,7 +8,6 @@ from _tiny_fits import SECTION
 from ddf.core import storage
 from ddf.data import cutouts
 from ddf.fields import shape_field
-from ddf.fit import completion
 from ddf.geometry import mesh_io, scans
 
 pytestmark = pytest.mark.real
@@ -98,9 +97,8 @@ def test_poses_are_refused_by_name_before_a_model_is_read(name, told, cases, tmp
     assert f"{pose}: the pose must be" in line and told in line
 
 
-def test_a_far_scan_is_completed_to_all_its_digits(cases, tmp_path, answer, monkeypatch):
-    quick = completion.CompletionConfig(rays=100, draws=8, starts=1, kept=1, axes=8, steps=4, samples=4)
-    monkeypatch.setattr(completion, "CompletionConfig", lambda: quick)
+@pytest.mark.usefixtures("quick_completion")
+def test_a_far_scan_is_completed_to_all_its_digits(cases, tmp_path, answer):
     answer("complete", cases / "round4" / "l_utm.npz", "chair", tmp_path / "out", "-n", 60)
     found = [mesh_io.read_points(tmp_path / "out" / f"{name}.ply") for name in ("seen", "inferred")]
     with np.load(tmp_path / "out" / "cloud.npz") as file:

@@ -98,10 +98,10 @@ def test_same_seed_gives_same_bytes_and_another_seed_does_not(tmp_path):
 @pytest.mark.parametrize("wide", [False, True], ids=["plain", "wide"])
 @pytest.mark.parametrize("category", ["chair", "plane", "car"])
 def test_shapes_are_sound_varied_and_untidy(category, wide):
-    shapes = [write.make_shape(0, category, index, wide) for index in range(40)]
+    shapes = [write.make_shape(0, category, index, wide) for index in range(20)]
     counts = [len(shape.triangles) for shape in shapes]
     assert min(counts) >= 300 and max(counts) <= 8000
-    assert len(set(counts)) > 20
+    assert len(set(counts)) > 10
     for shape in shapes:
         assert np.isfinite(shape.vertices).all() and np.isfinite(shape.normals).all()
         assert shape.triangles.min() >= 0 and shape.triangles.max() < len(shape.vertices)
@@ -111,8 +111,8 @@ def test_shapes_are_sound_varied_and_untidy(category, wide):
     assert (extents.std(axis=0) > 0.015).all()
     lengths = np.array([np.linalg.norm(shape.normals, axis=-1) for shape in shapes[:1]])
     assert ((np.abs(lengths - 1) < 1e-4) | (lengths == 0)).all()
-    assert sum(_edges(shape, True).max() > 1 for shape in shapes) >= 10  # badly wound
-    assert sum(_edges(shape, False).min() == 1 for shape in shapes) >= 10  # open
+    assert sum(_edges(shape, True).max() > 1 for shape in shapes) >= 5  # badly wound
+    assert sum(_edges(shape, False).min() == 1 for shape in shapes) >= 5  # open
 
 
 def _edges(shape, directed):

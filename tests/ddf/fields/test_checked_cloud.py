@@ -74,7 +74,8 @@ def test_the_surest_of_near_hits_stay_and_strays_go():
     np.testing.assert_array_equal(checked_cloud.surest(plane[:9], doubts[:9], 1.0), plane[:9])
 
 
-def test_a_field_without_a_surface_is_told():
+def test_a_field_without_a_surface_is_told(monkeypatch):
+    monkeypatch.setattr(checked_cloud, "_MOST_BATCHES", 3)
     nothing = ClosedForm(primitives.Sphere((9.0, 0.0, 0.0)))
     with pytest.raises(checks.InputError, match="sees no surface that it confirms"):
         checked_cloud.draw(nothing, 10)

@@ -26,7 +26,7 @@ from ddf_lab.evaluation import shape_fits
 SPHERE = dataclasses.replace(
     TINY,
     field=pddf.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
-    steps=1200,
+    steps=500,
     samples=sample_types.each(10_000),
     held_out=1000,
     batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},

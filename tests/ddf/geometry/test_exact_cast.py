@@ -54,12 +54,12 @@ SOUP = joined(cube(0.5), moved(icosphere(1), 0.6, (0.4, 0.1, 0.0)), moved(torus(
 
 
 def test_depths_beside_edges_are_those_of_rational_numbers():
-    positions, directions = _beside_edges(SOUP, 120, seed=0)
+    positions, directions = _beside_edges(SOUP, 40, seed=0)
     depth, face = raycast.Scene(SOUP).first_hits(positions, directions)
     triangles = SOUP.triangles.tolist()
     truth = np.array([_rational_depth(p, v, triangles) for p, v in zip(positions, directions, strict=True)])
     np.testing.assert_allclose(depth, truth, rtol=1e-9)
-    assert ((face >= 0) == np.isfinite(truth)).all() and np.isfinite(truth).sum() > 80
+    assert ((face >= 0) == np.isfinite(truth)).all() and np.isfinite(truth).sum() > 25
 
 
 def test_faces_beside_edges_are_those_of_rational_numbers():

@@ -29,11 +29,10 @@ def _pictures(folder, shown):
     )
 
 
-@pytest.mark.parametrize(("number", "another"), [(0, 2), (1, 2)])
-def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
+def test_every_picture_of_a_chair_gives_its_shape(tmp_path):
     folder = shipped_models.place("chair")
     trained = line_field.load(folder)
-    _pictures(tmp_path, Image.open(folder / f"sample_{number}.png").resize((411, 411)))
+    _pictures(tmp_path, Image.open(folder / "sample_1.png").resize((411, 411)))
 
     @torch.no_grad()
     def context(path):
@@ -42,7 +41,7 @@ def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
         return trained.network.shape_encoder.look(framed)[1]
 
     own = context(tmp_path / "cut.png")
-    apart = float((context(folder / f"sample_{another}.png") - own).norm())
+    apart = float((context(folder / "sample_2.png") - own).norm())
     for name in ("table.jpg", "corner.png", "turned.jpg"):
         assert float((context(tmp_path / name) - own).norm()) < 0.4 * apart
 

@@ -2,8 +2,7 @@
 
 import json
 import os
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import pytest
@@ -12,58 +11,57 @@ from ddf.core import notes, storage
 from ddf_lab import run
 from ddf_lab.engine import graph, stage
 
-ROOT = Path(__file__).resolve().parents[3]
-
-
-def _stage(tmp_path: Path, body: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    script = tmp_path / "do_it.py"
-    head = '"""Do it."""\nfrom ddf.core import checks\nfrom ddf_lab.engine import stage\n'
-    main = "@stage.main(category=True, seed=True)"
-    script.write_text(f"{head}{main}\ndef make(run):\n    {body}\n")
-    for name in ("configs/a.yaml", "b.yaml"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text("evaluate: {}\nsamples: {}\n")
-    command = [sys.executable, str(script), *arguments]
-    variables = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment}
-    return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
-
-
 GIVEN = ("--config", "configs/a.yaml", "--category", "chair")
 
 
+@pytest.fixture
+def called(tmp_path, monkeypatch, capsys):
+    """Runs a script with a stage of this body: its code, and the text on stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("configs/a.yaml", "b.yaml"):
+        storage.write_text(name, "evaluate: {}\nsamples: {}\n")
+
+    def call(body: str, *arguments: str) -> tuple[object, str, str]:
+        head = '"""Do it."""\nfrom ddf.core import checks\nfrom ddf_lab.engine import stage\n'
+        main = "@stage.main(category=True, seed=True)"
+        Path("do_it.py").write_text(f"{head}{main}\ndef make(run):\n    {body}\n")
+        monkeypatch.setattr("sys.argv", ["do_it.py", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path("do_it.py", run_name="__main__")
+        return ended.value.code, *capsys.readouterr()
+
+    return call
+
+
 @pytest.mark.parametrize(("more", "label", "note"), [((), "", ""), (("--seed", "2"), " seed 2", "-2")])
-def test_scripts_pass_arguments_and_note_time_each_seed_its_own(tmp_path, more, label, note):
-    result = _stage(tmp_path, "print(run.file, run.category, run.seed)", *GIVEN, *more)
+def test_scripts_pass_arguments_and_note_time_each_seed_its_own(called, more, label, note):
     said = f"configs/a.yaml chair {2 if more else 0}\n"
-    assert (result.returncode, result.stdout, result.stderr) == (0, said, f"do_it chair{label}\n")
-    folder = tmp_path / "artifacts/a/times"
+    assert called("print(run.file, run.category, run.seed)", *GIVEN, *more) == (0, said, f"do_it chair{label}\n")
+    folder = Path("artifacts/a/times")
     assert {path.name for path in folder.iterdir()} == {f"do_it-chair{note}.json", f"do_it-chair{note}.lock"}
-    times = json.loads((folder / f"do_it-chair{note}.json").read_text())
-    assert times["seconds"] >= 0
+    assert json.loads((folder / f"do_it-chair{note}.json").read_text())["seconds"] >= 0
 
 
-def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_began_with(tmp_path):
+def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_began_with(called):
     entry = "of: [shape], each: [category], command: x, sections: [samples], inputs: [in.txt], outputs: []"
-    (tmp_path / "pipeline.yaml").write_text(f"do_it: {{{entry}}}\n")
-    (tmp_path / "stages").mkdir()
-    (tmp_path / "stages" / "do_it.py").touch()
-    changing = "print(list(run.given)); open('artifacts/a/in.txt', 'w').write('changed meanwhile')"
-    runs = [_stage(tmp_path, body, *GIVEN) for body in (changing, "pass", "pass")]
-    assert [run.stdout for run in runs] == ["['samples']\n", "", ""]
-    assert [run.stderr for run in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]
+    storage.write_text("pipeline.yaml", f"do_it: {{{entry}}}\n")
+    storage.write_text("stages/do_it.py", "")
+    changing = (
+        "print(list(run.given)); from pathlib import Path; Path('artifacts/a/in.txt').write_text('changed meanwhile')"
+    )
+    runs = [called(body, *GIVEN) for body in (changing, "pass", "pass")]
+    assert [said for _, said, _ in runs] == ["['samples']\n", "", ""]
+    assert [told for _, _, told in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]
 
 
-def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
-    result = _stage(tmp_path, "raise checks.InputError('no')", *GIVEN)
-    assert (result.returncode, result.stderr) == (2, "do_it chair\ndo_it: error: no\n")
-    (tmp_path / "artifacts" / "b").mkdir(parents=True)
-    (tmp_path / "artifacts" / "b" / "times").write_text("in the way")
-    result = _stage(tmp_path, "pass", "--config", "b.yaml", "--category", "chair")
-    assert result.returncode == 2
-    assert result.stderr.startswith("do_it: error: ") and len(result.stderr.splitlines()) == 1
-    result = _stage(tmp_path, "pass", *GIVEN, "--seed", "-1")
-    assert result.returncode == 2
-    assert result.stderr.splitlines()[-1].endswith("argument --seed: must be a whole number, 0 or more; got '-1'")
+def test_stage_scripts_end_with_one_line_and_code_2(called):
+    assert called("raise checks.InputError('no')", *GIVEN) == (2, "", "do_it chair\ndo_it: error: no\n")
+    storage.write_text("artifacts/b/times", "in the way")
+    code, _, told = called("pass", "--config", "b.yaml", "--category", "chair")
+    assert code == 2 and told.startswith("do_it: error: ") and len(told.splitlines()) == 1
+    code, _, told = called("pass", *GIVEN, "--seed", "-1")
+    assert code == 2
+    assert told.splitlines()[-1].endswith("argument --seed: must be a whole number, 0 or more; got '-1'")
 
 
 CONFIG = "evaluate: {oracle_points: 250, oracle_shortlist: 2}\n"

@@ -7,15 +7,9 @@ import pytest
 
 import ddf
 from ddf.core import shipped_models
-from ddf.fit import completion
 from ddf.geometry import mesh_io, scans
 
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    defaults = dict(rays=100, draws=8, starts=1, kept=1, axes=8, steps=4, samples=4)
-    whole = completion.CompletionConfig
-    monkeypatch.setattr(completion, "CompletionConfig", lambda: whole(**defaults))
+pytestmark = pytest.mark.usefixtures("quick_completion")
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,11 @@ from ddf.reconstruction import framing, one_image, solid
 @pytest.fixture
 def model_dir(tmp_path, monkeypatch):
     """An untrained model, whose shape is noise: made coarsely."""
-    for module, name, coarse in ((one_image, "WHOLE", 400), (solid, "_CELLS", 16), (reconstruction, "_TOLERANCE", 0.05)):
+    for module, name, coarse in (
+        (one_image, "WHOLE", 400),
+        (solid, "_CELLS", 16),
+        (reconstruction, "_TOLERANCE", 0.05),
+    ):
         monkeypatch.setattr(module, name, coarse)
     return _models.write_model(tmp_path / "model")
 
