@@ -9,6 +9,7 @@ LAUNCH ?=#                    goes before every training command, such as srun -
 SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 BENCH  ?=#                    some of the benchmarks, by name; all without it
+EXTRAS ?=#                    of test-doors, beside the base install; torch brings 6 GB
 PYTHON ?=#                    for .venv; without it the first of python3.11, 3.12, 3.13 that is there
 UV_VERSION := 0.13.8
 READY := .venv/.ready-$(shell pwd | cksum | cut -d' ' -f1)#   another folder is another environment
@@ -65,6 +66,8 @@ test-fast: lint ## lint, types and unit tests
 	@$(UNIT_TESTS)
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
+test-doors: $(READY) ## what pages say to type, in fresh environments of three Pythons, with CPU seconds: [EXTRAS="torch experiments"]
+	@$(RUN) -m pytest -q -s -m slow tests/ddf/api/test_install.py -k "base $(EXTRAS:%=or %)"
 test-browser: $(READY) ## the page of `ddf view` in Chromium and Firefox (installed by apt-get as root; skipped where there is none)
 	@.ci/browsers >/dev/null && $(RUN) -m pytest -q -m browser tests/ddf/io
 viewer: ## the page's template of `ddf view` from viewer/src, with npm's packages; needs node

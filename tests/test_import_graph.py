@@ -22,6 +22,7 @@ ROOMS = (
     "ddf.api",
     "ddf.torch",
     "ddf.cli",
+    "ddf.__main__",
     "ddf_lab.run",
     "ddf_lab.evaluation",
     "ddf_lab.model_cards",

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import importlib
 import tempfile
 from collections.abc import Callable
 from functools import cached_property
@@ -172,6 +173,8 @@ class Field(queries.Queried):
         if method == "closed":
             return surfaces.closed(self.framed, sizes[1])
         with extras.named():
+            if method == "poisson":
+                importlib.import_module("open3d")  # before the cloud is drawn, which takes seconds
             return surfaces.extract(self.framed, self.cloud, method, *sizes)
 
 
@@ -251,6 +254,8 @@ def fit(
         raise checks.InputError("tolerance is of kind patches")
     if kind == "patches" and network:
         raise checks.InputError("patches take neither minutes nor steps; they are of kind sine")
+    if steps is not None:
+        checks.require_whole("steps", steps, 1)
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
     from ddf.fields import stored_fields
@@ -284,5 +289,5 @@ def _fit_network(mesh: Mesh, minutes: int | float | None, steps: int | None, fol
     if minutes is not None:
         settings = dataclasses.replace(settings, minutes=float(minutes))
     if steps is not None:
-        settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
+        settings = dataclasses.replace(settings, steps=int(steps), minutes=None)
     fitting.fit(mesh, settings, folder)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from ddf.cli.declare import Arg, Command
-from ddf.core import shipped_models
+from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
 SHADED = "shaded"  # no output of a field, but a picture
@@ -20,7 +20,7 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     Raises:
       FileNotFoundError: a model that it reads is not there.
       InputError: the output's folder does not exist (with --make-folders it is made), no file can have its name, or it
-        is a file that the command reads.
+        is a file that the command reads; or nothing can be written there.
     """
     for each in command.parameters:
         for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
@@ -38,6 +38,7 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
             raise checks.InputError(f"{out}: a link to {target}, which is not there; make that folder")
         if out.exists() and not out.is_dir():
             raise checks.InputError(f"{out}: is a file; give a folder to write")
+        _require_writable(out, next(each for each in (target, *target.parents) if each.exists()))
         return
     if out.exists() and not out.is_file():
         raise checks.InputError(f"{out}: not a regular file; give the name of a file to write")
@@ -47,6 +48,20 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     elif not target.parent.is_dir():
         folder = target.parent if out.is_symlink() else out.parent
         raise checks.InputError(f"{out}: there is no folder {folder}; make it, or add --make-folders")
+    _require_writable(out, target.parent)
+
+
+def _require_writable(out: Path, folder: Path) -> None:
+    """Raise InputError where no file can be made in a folder; what a system says of its rights is not enough."""
+    import tempfile
+
+    from ddf.core import checks
+
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        reason = errors.describe(OSError(error.errno, error.strerror))
+        raise checks.InputError(f"{out}: no file can be written in {folder} ({reason}); give another place") from error
 
 
 def kept(command: Command, args: argparse.Namespace) -> str:
@@ -100,6 +115,8 @@ def camera(text: str) -> Camera:
         (distance,) = radius or [None]
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"must be two or three numbers az,el[,r]; got {text!r}") from error
+    if abs(elevation) > 90:
+        raise argparse.ArgumentTypeError(f"the elevation must be in -90..90 degrees; got {elevation:g}")
     return azimuth, elevation, distance
 
 

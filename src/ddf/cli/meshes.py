@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 
 FAR = 1e-3  # of the diagonal: what float32 rays may be off by before the user is told
+_OTHER_UNITS = 5.0  # times as large as the truth: no error of a prediction
 _BENCHMARK = (0.25, 1.25)  # diagonals of boxes for which the default threshold is meant: benchmark units to v1
 
 
@@ -224,7 +225,7 @@ def compare(
         except MemoryError as fault:
             raise checks.InputError(f"{path}: does not fit into memory") from fault
     (pred_points, pred_is), (true_points, truth_is) = clouds
-    diagonal = float(np.linalg.norm(np.ptp(true_points, axis=0)))
+    diagonal, other = (float(np.linalg.norm(np.ptp(points, axis=0))) for points in (true_points, pred_points))
     compared = meshes.compare(pred_points, true_points, tau_sq, relative).to_dict()
     units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
     length = "of the box's diagonal" if relative else "units"
@@ -232,6 +233,8 @@ def compare(
     verdict += f"{pred_is} of {pred.name} against {truth_is} of {truth.name}"
     if not (relative or _BENCHMARK[0] < diagonal < _BENCHMARK[1]):
         verdict += f"; the truth's box measures {diagonal:.4g} units: --relative takes shares of that"
+    if min(diagonal, other) > 0 and not 1 / _OTHER_UNITS < other / diagonal < _OTHER_UNITS:
+        verdict += f"; the prediction's box is {other / diagonal:,.4g} times the truth's: are its units others?"
     found = {**compared, "tau_sq": tau_sq, "box_diagonal": diagonal, "relative": relative}
     table = results.grid(
         ("score", "value", "unit"), [(name, value, units.get(name, "")) for name, value in found.items()]

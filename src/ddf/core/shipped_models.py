@@ -9,6 +9,7 @@ from ddf.core import errors
 
 ROOT = Path(__file__).resolve().parents[1] / "shipped"
 INDEX = "index.json"
+_MESHES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".dae", ".3mf", ".ac", ".acc", ".fbx")  # no models
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ def require(name_or_path: str | Path, *kinds: str) -> Path:
     if not path.exists():
         there = errors.known_names(name_or_path, [model.name for model in listed() if model.kind in kinds])
         raise FileNotFoundError(f"{path}: no such file or folder, and no {kinds[0]} of that name; there are {there}")
+    if path.is_file() and path.suffix.lower() in _MESHES:
+        from ddf.core import checks
+
+        raise checks.InputError(f"{path}: this is a mesh; make a field of it first: ddf fit {path} my_field")
     return path
 
 

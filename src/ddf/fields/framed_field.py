@@ -232,8 +232,10 @@ def render(
 
 
 def require_camera(camera: tuple[float, float, float], size: int, up: str) -> None:
-    """Raise InputError when a size is below 1, a radius below 0, an axis unknown, or a camera not finite."""
+    """Raise InputError when a size is below 1, a radius below 0, an elevation past upright, or an axis unknown."""
     checks.require_finite("camera", np.array(camera))
+    if abs(camera[1]) > 90:
+        raise checks.InputError(f"a camera's elevation must be in -90..90 degrees; got {camera[1]:g}")
     if size < 1 or camera[2] < 0 or up not in UP_AXES:
         raise checks.InputError(
             f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -19,7 +20,10 @@ HEAVY = ("torch", "torchvision", "pandas", "matplotlib", "open3d", "trimesh", "s
 PYTHONS = ("3.11", "3.12", "3.13")
 BASE_BYTES = 520e6
 ALONE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-README, QUICK_START = ((ROOT / page).read_text() for page in ("README.md", "docs/quickstart.md"))
+README, QUICK_START, API, EXAMPLES = (
+    (ROOT / page).read_text() for page in ("README.md", "docs/quickstart.md", "docs/api.md", "examples/README.md")
+)
+NOT_RUN = ("own_shapenet.py", "FIELD.onnx", "chair.npz")  # they ask for files of the user's
 
 
 @pytest.mark.parametrize(
@@ -41,6 +45,22 @@ def section(extra: str) -> list[str]:
     (found,) = re.findall(rf"(?ms)^## With `{re.escape(heading)}`$(.*?)(?=^## |\Z)", QUICK_START)
     shell = "".join(re.findall(r"(?ms)^```sh\n(.*?)^```$", found if extra else found + README))
     return [line for line in shell.splitlines() if line.startswith("ddf ")]
+
+
+def scripts(extra: str, folder: Path) -> list[str]:
+    """Calls of the examples that need one extra, as each says at its top; snippets of pages, too, for the base."""
+    needs = f"`.[{extra}]`" if extra else ""
+    named = re.findall(rf"(?m)^\| \[(\w+\.py)\].*\| {re.escape(needs)} ?\|$", EXAMPLES)
+    said = [
+        re.findall(r"(?m)^python (examples/\S+(?: \S+)*)", (ROOT / "examples" / name).read_text()) for name in named
+    ]
+    calls = [call.replace("MESH.obj", "shape.obj") for each in said for call in each]
+    found = [f"python {ROOT}/{call}" for call in calls if not any(word in call for word in NOT_RUN)]
+    for name, page in {"readme": README, "api": API}.items() if not extra else ():
+        code = "\n".join(re.findall(r"(?ms)^```python\n(.*?)^```$", page))
+        (folder / f"of_{name}.py").write_text(code, encoding="utf-8")
+        found.append(f"python of_{name}.py")
+    return found
 
 
 def interpreter(version: str) -> Path | None:
@@ -85,13 +105,17 @@ def run(commands: Path, folder: Path, line: str) -> subprocess.CompletedProcess[
 @pytest.mark.slow
 @pytest.mark.timeout(3000)
 @pytest.mark.parametrize("version", PYTHONS)
-@pytest.mark.parametrize("extra", ["", "torch", "experiments"])
+@pytest.mark.parametrize("extra", ["", "torch", "experiments"], ids=["base", "torch", "experiments"])
 def test_the_commands_of_the_pages_run_in_the_extra_that_they_name(extra, version, wheel, tmp_path):
     commands = environment(tmp_path, version, wheel, extra)
     _page_inputs.write(tmp_path)
     assert section(extra)
-    for line in section(extra):
+    print(f"\nPython {version}, pip install .{extra and f'[{extra}]'}: CPU seconds")
+    for line in [*section(extra), *scripts(extra, tmp_path)]:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = run(commands, tmp_path, line.replace("--minutes 2", "--minutes 0.3"))
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        print(f"{after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime:7.1f}  {line}", flush=True)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
     doctor = json.loads(run(commands, tmp_path, "ddf doctor --json").stdout)
     assert doctor["missing"] == [] and doctor["extras"]["torch"] == bool(extra)

@@ -1,8 +1,16 @@
-"""Arguments shared by commands: lists that name what the library has."""
+"""Arguments shared by commands: lists that name what the library has, and what is refused before any work."""
 
+import subprocess
+import sys
 from typing import get_args
 
+import pytest
+from _shapes import cube
+
+import ddf
+from ddf import cli
 from ddf.cli import commands, meshes
+from ddf.core import checks
 from ddf.data import mesh_config
 from ddf.fields import framed_field
 from ddf.fit import surfaces
@@ -24,3 +32,43 @@ def test_lists_and_defaults_are_those_of_the_library():
     said = meshes.mesh.docstring.arguments
     assert said["source"] == f"mesh to read ({', '.join(mesh_io.READ)})"
     assert said["out"] == f"mesh to write, in the field frame ({', '.join(mesh_io.SUFFIXES)})"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("query cube.obj --rays rays.npz --out out.npz", "cube.obj: this is a mesh; make a field of it first: ddf fit"),
+        ("render rabbit /proc/picture.png", "/proc/picture.png: no file can be written in /proc (No such file"),
+        ("fit cube.obj /proc/self/field", "/proc/self/field: no file can be written in /proc/"),
+    ],
+)
+def test_what_cannot_be_done_is_told_before_any_work(words, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cube().save("cube.obj")
+    monkeypatch.setattr("ddf.cli.declare.Command.call", lambda *_: pytest.fail("work was begun"))
+    assert cli.main(words.split()) == 2
+    assert told in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["cube.obj"]
+
+
+def test_a_camera_past_upright_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["render", "rabbit", "a.png", "--camera", "30,100"])
+    assert "the elevation must be in -90..90 degrees; got 100" in capsys.readouterr().err
+    with pytest.raises(checks.InputError, match=r"elevation must be in -90\.\.90 degrees; got -91"):
+        ddf.load("rabbit").render(elevation_deg=-91, size=8)
+
+
+def test_comparing_millimetres_with_metres_tells_the_factor(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cube().save("m.obj")
+    mesh_io.Mesh(1000 * cube().vertices, cube().faces).save("mm.obj")
+    assert cli.main(["compare", "mm.obj", "m.obj"]) == 0
+    assert "the prediction's box is 1,000 times the truth's: are its units others?" in capsys.readouterr().out
+    assert cli.main(["compare", "m.obj", "m.obj"]) == 0
+    assert "are its units" not in capsys.readouterr().out
+
+
+def test_python_runs_the_package_as_the_command():
+    said = subprocess.run([sys.executable, "-m", "ddf", "--version"], capture_output=True, text=True, check=True).stdout
+    assert said.startswith("ddf ")
