@@ -259,3 +259,47 @@ def test_of_poses_that_look_the_same_the_least_turned_is_found():
     start[:3, :3] = _turned(0.0, math.radians(12), 0.0)
     found = ddf.recover_pose(field, ddf.depth_camera(field, size=32), start)
     assert _apart(transforms.Similarity.of_matrix("pose", found), transforms.Similarity())[0] < 2
+
+
+def test_shapes_that_a_scan_leaves_open_have_the_covariance_of_laplaces_approximation(monkeypatch):
+    slopes = torch.tensor([[3.0, 0.0], [1.0, 1.0], [0.0, -0.5]])
+    config = dataclasses.replace(QUICK, samples=40_000, prior=0.5)
+    alone = latent_prior.LatentPrior(torch.zeros(1), torch.zeros(1, 2))
+    linear = completion._Problem(completion._Known(None), alone, 0.1, config)
+    monkeypatch.setattr(completion._Problem, "log_likelihoods", lambda _, state, seen: (state.u * slopes).sum(-1))
+    best = completion._State(torch.tensor([[0.3, -0.2]]), torch.zeros(1, 3), torch.zeros(1, 3), torch.zeros(1))
+    asked = completion._Rays(torch.zeros(3, 3), torch.zeros(3, 3), torch.zeros(3))
+    drawn = completion._open(linear, asked, best, torch.Generator().manual_seed(0))
+    torch.testing.assert_close(drawn.mean(0), best.u[0], rtol=0, atol=0.02)
+    exact = torch.linalg.inv(torch.eye(2) + slopes.T @ slopes / 3 / 0.5)
+    torch.testing.assert_close(torch.cov(drawn.T), exact, rtol=0.03, atol=0.01)
+
+
+def test_half_of_the_first_shapes_are_that_of_the_image():
+    model, prior, shape = _chair()
+    problem = completion._Problem(model, prior, 0.05, dataclasses.replace(QUICK, draws=8, starts=8))
+    seen = completion._evidence(_scan(shape, 24), PLACE, torch.Generator(), prior.mean)
+    latent = prior.latents(torch.ones(32))
+    state = completion._starts(problem, [seen], None, latent, torch.Generator().manual_seed(0))
+    given = prior.coordinates(latent)
+    assert int((state.u[0] == given).all(-1).sum()) == 4
+
+
+def test_noise_widens_in_field_units_and_only_what_the_field_sees_is_explained():
+    model, prior, shape = _chair()
+    scan, config = _scan(shape, 24), dataclasses.replace(QUICK, steps=3)
+    found = completion.complete(model, prior, scan, PLACE, noise=0.01, config=config)
+    assert found.width == pytest.approx(math.hypot(config.blur, 0.01 / 0.4))
+    problem = completion._Problem(model, prior, config.blur, config)
+    assert shape.modulations is not None
+    given = problem, scan, PLACE, list(shape.modulations)
+    assert completion._residuals(*given)[1] > 0.95
+    inverse = PLACE.inverse()
+    along = inverse.apply_directions(scan.directions)
+    entry, way, meets = rays.enter_box(inverse.apply(scan.positions), along, -np.ones(3), np.ones(3))
+    with torch.no_grad():
+        raw = model.field(*(torch.from_numpy(each).float() for each in (entry, along)), list(shape.modulations))
+    depth = (way + model.field.depth(raw).double().numpy()) * 0.4  # where the surface would be, did the field see it
+    unseen = meets & (raw[:, pddf.VISIBILITY_ROW] < 0).numpy()
+    ghosts = dataclasses.replace(scan, ranges=np.where(unseen, depth, np.inf))
+    assert completion._residuals(problem, ghosts, *given[2:])[1] == 0

@@ -170,3 +170,33 @@ def test_batches_follow_seed_and_step():
     assert not np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
     expected = np.random.default_rng((5, 2)).choice(40, SEEDED.batch_size, replace=False)
     assert np.array_equal(rows[0], expected)
+
+
+def test_mirrored_images_learn_the_mirrored_camera_and_predictions_are_mirrored_back():
+    train = dataclasses.replace(TRAIN, told=True)
+    batch = reconstruction_steps.Batch.draw(_hand_made.images(), train, 0)
+    shown, wanted, answer = [], [], torch.tensor([[1.0, 0.3, 1.5]]).expand(len(batch.images), 3)
+
+    class Encoder(torch.nn.Module):
+        def forward(self, images):
+            shown.append(images)
+            return images
+
+    class Head(torch.nn.Module):
+        def forward(self, scores):
+            return answer
+
+        def loss(self, scores, cameras):
+            wanted.append(cameras)
+            return cameras.sum()
+
+    model = reconstruction_models.DDFModel(train, DDF.field)
+    for name, module in (("camera_encoder", Encoder()), ("camera_head", Head())):
+        model.add_module(name, module)
+    _, predicted = reconstruction_steps.camera_loss(model, batch, train)
+    flipped = torch.tensor([not torch.equal(a, b) for a, b in zip(shown[0], batch.images, strict=True)])
+    assert torch.equal(shown[0][flipped], batch.images[flipped].flip(-1)) and 0 < int(flipped.sum()) < len(flipped)
+    turn = torch.where(flipped, -1.0, 1.0)
+    torch.testing.assert_close(wanted[0][:, 0], turn * batch.cameras[:, 0] % (2 * np.pi))
+    torch.testing.assert_close(predicted[:, 0], turn * answer[:, 0] % (2 * np.pi))
+    torch.testing.assert_close(wanted[0][:, 1:], batch.cameras[:, 1:])
