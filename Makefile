@@ -56,7 +56,7 @@ dag: $(READY) ## the stages of CONFIG and what each waits for
 	$(run) --dag
 
 ##@ Quality
-UNIT_TESTS := $(RUN) -m pytest -q -n auto --maxprocesses 4
+UNIT_TESTS := $(RUN) -m pytest -q -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 test: $(READY) ## lint and types beside the smoke pipeline, then unit tests and the viewer's page
 	@$(MAKE) -j2 --output-sync=target lint smoke
 	@$(MAKE) site

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 import ddf
 
-SIZE, FOCAL, TRAINING, HELD_OUT = 32, 2.19, 256, 32
+SIZE, FOCAL, HELD_OUT = 32, 2.19, 32
 
 
 def cameras(count: int, seed: int) -> tuple[Tensor, Tensor]:
@@ -92,16 +92,17 @@ def main() -> None:
     """Train, and print the errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=300)
+    parser.add_argument("--images", type=int, default=256, help="that it is trained on")
     parser.add_argument("--ddf", type=float, default=0.5, help="weight of the losses of a DDF; 0: none")
     args = parser.parse_args()
     torch.manual_seed(0)
     field, renderer = ddf.load("rabbit"), DepthRenderer()
-    given, asked = cameras(TRAINING, 0), cameras(HELD_OUT, 1)
+    given, asked = cameras(args.images, 0), cameras(HELD_OUT, 1)
     depth, visible = truth(field, *given)
     optimiser = torch.optim.Adam(renderer.parameters(), 3e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, args.steps)
     for _ in range(args.steps):
-        rows = torch.randint(TRAINING, (8,))
+        rows = torch.randint(args.images, (8,))
         raw = renderer(given[0][rows], given[1][rows])
         off = nn.functional.huber_loss(raw[:, 0], depth[rows], reduction="none", delta=0.02) / 0.02
         loss = 5 * (visible[rows] * off).mean()

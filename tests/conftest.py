@@ -1,6 +1,7 @@
 """Shape checks at run time, the folder of real meshes, and one way to compare arrays."""
 
 import functools
+import os
 from pathlib import Path
 
 import jaxtyping
@@ -8,6 +9,8 @@ import pytest
 
 # Before any test imports the package: annotations such as Float[Tensor, "n 3"] are then checked in every call.
 jaxtyping.install_import_hook("ddf", "beartype.beartype")
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the processes that tests start: the cores have their workers
 
 ROOT = Path(__file__).resolve().parents[1]
 

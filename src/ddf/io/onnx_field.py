@@ -74,6 +74,7 @@ def load(path: Path) -> OnnxField:
         raise checks.InputError(f"{path}: has a node {looping[0]}, as no file of `ddf export` has")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _usable_cores()  # named, so that onnxruntime pins none of them
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # it doubles the time of a busy machine
     options.log_severity_level = 4
     arena = onnxruntime.OrtArenaCfg(max(_FEW, 100 * len(data)), -1, -1, -1)  # bytes at most; the rest as it is
     onnxruntime.create_and_register_allocator(_memory(), arena)  # of the sessions that follow

@@ -119,21 +119,23 @@ def _fresh(program, *arguments, **environment):
     return subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, timeout=120)
 
 
-def _imported(modules, *words):
-    """Which of these a call that prints and leaves imports, as Python prints a set."""
-    call = f"import sys, ddf.cli\ntry:\n    ddf.cli.main({words!r})\nexcept SystemExit:\n    "
-    return _fresh(f"{call}print(set({modules!r}) & set(sys.modules))").stdout.splitlines()[-1]
+def _imported(modules, *lines):
+    """Which of these are imported by lines that print and leave, as Python prints a set."""
+    call = f"import contextlib, sys, ddf.cli\nfor line in {lines!r}:\n    with contextlib.suppress(SystemExit):\n"
+    return _fresh(f"{call}        ddf.cli.main(line)\nprint(set({modules!r}) & set(sys.modules))").stdout.splitlines()[
+        -1
+    ]
 
 
-@pytest.mark.parametrize("name", commands.COMMANDS)
-def test_help_imports_no_torch_and_no_picture_library(name):
-    assert _imported(["torch", "matplotlib", "pandas", "PIL", "open3d", "pymeshlab"], name, "--help") == "set()"
+def test_help_imports_no_torch_and_no_picture_library():
+    heavy = ["torch", "matplotlib", "pandas", "PIL", "open3d", "pymeshlab"]
+    assert _imported(heavy, *((name, "--help") for name in commands.COMMANDS)) == "set()"
 
 
 def test_version_is_that_of_the_package_and_imports_nothing_of_it(capsys):
     _leaves("--version")
     assert capsys.readouterr().out == f"ddf {importlib.metadata.version('directed-distance-fields')}\n"
-    assert _imported(["numpy"], "--version") == "set()"
+    assert _imported(["numpy"], ("--version",)) == "set()"
 
 
 def test_negative_values_are_no_options():
@@ -144,21 +146,22 @@ def test_negative_values_are_no_options():
 
 @pytest.mark.parametrize(("mode", "arguments"), [("utf8=0", []), ("utf8=1", ["--json"])])
 def test_what_an_ascii_terminal_cannot_show_is_escaped(arguments, mode, tmp_path):
-    (tmp_path / "stühle.json").write_text(json.dumps({"03001627": ["a", "b"]}))
     program = [sys.executable, "-X", mode, "-c", "import sys, ddf.cli; sys.exit(ddf.cli.main())"]
     ascii_only = {**os.environ, "LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONCOERCECLOCALE": "0"}
+    (tmp_path / "tür").write_text("a file")
 
-    def split(source):
-        words = [*program, "split", str(tmp_path / source), "--out", str(tmp_path / "völlig"), *arguments]
+    def get(out):
+        words = [*program, "models", "get", "rabbit", str(tmp_path / out), *arguments]
         return subprocess.run(words, capture_output=True, env=ascii_only, timeout=120)
 
-    done = split("stühle.json")
+    done, refused = get("völlig"), get("tür")
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.isascii() and b"/v\\" in done.stdout and b"llig" in done.stdout
-    assert (tmp_path / "völlig" / "train_list.txt").exists()
-    refused = split("tür")
+    assert (tmp_path / "völlig" / "card.md").exists()
     assert refused.returncode == 2 and refused.stdout == b""
-    assert refused.stderr.isascii() and refused.stderr.count(b"\n") == 1 and b"no such file or folder" in refused.stderr
+    assert (
+        refused.stderr.isascii() and refused.stderr.count(b"\n") == 1 and b"is a file; give a folder" in refused.stderr
+    )
 
 
 @pytest.mark.parametrize(("given", "seen"), [(None, "PASSIVE"), ("active", "active")])
