@@ -14,7 +14,7 @@ term alone is left: then a claim is of these trainings and no others.
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,7 @@ IMAGE = ["category", "method", "column", "id", "view"]
 
 Key = TypeVar("Key")
 Head = tuple[str, str]  # method, column
+Scored = dict[Any, pd.DataFrame]  # rows of a category, method and column
 Comparison = tuple[str, Head, Head, str]  # category, both heads, metric of the long table
 
 
@@ -82,22 +83,23 @@ def holm(chances: Mapping[Key, float]) -> set[Key]:
     return claimed
 
 
+def by_head(table: pd.DataFrame) -> Scored:
+    """The rows of a per_image.csv by category, method and column, each by its image."""
+    return dict(iter(table.set_index(["id", "view"]).groupby(["category", "method", "column"])))
+
+
 def of_tables(
-    tables: Sequence[pd.DataFrame], category: str, first: Head, second: Head, metric: cloud_scores.Metric
+    tables: Sequence[Scored], category: str, first: Head, second: Head, metric: cloud_scores.Metric
 ) -> Difference | None:
     """How the scores of one method differ from those of another on the same images, in the units of tables.
 
     Args:
-      tables: per_image.csv of every training, in their order. A method that no training changes is in the first alone.
+      tables: `by_head` of every training, in their order. A method that no training changes is in the first alone.
     Returns:
       None where either has no score. InputError: they were not scored on the same images.
     """
     own, other = (
-        [
-            rows.set_index(["id", "view"])[metric.score]
-            for table in tables
-            if len(rows := rows_of(table, category, head))
-        ]
+        [table[category, *head][metric.score] for table in tables if (category, *head) in table]
         for head in (first, second)
     )
     if not own or not other:
@@ -112,10 +114,10 @@ def of_tables(
 
 def better(tables: Sequence[pd.DataFrame], comparisons: Collection[Comparison]) -> set[Comparison]:
     """What is claimed of the comparisons of a table, all corrected together; the better head stands first."""
-    chances = dict[Comparison, float]()
+    chances, scored = dict[Comparison, float](), [by_head(table) for table in tables]
     for category, one, two, name in comparisons:
         metric = cloud_scores.METRICS[name]
-        if found := of_tables(tables, category, one, two, metric):
+        if found := of_tables(scored, category, one, two, metric):
             won = (found.mean < 0) == (metric.better == "min")
             key = category, *((one, two) if won else (two, one)), name
             chances[key] = found.chance

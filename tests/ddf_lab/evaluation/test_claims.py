@@ -102,30 +102,32 @@ def test_better_follows_the_direction_of_the_metric(gaps, sign):
             assert claims.better([table], {asked}) == {1: {ahead}, -1: {behind}, 0: set()}[sign]
 
 
+def _of(tables, category):
+    scored = [claims.by_head(table) for table in tables]
+    return claims.of_tables(scored, category, OURS, THEIRS, cloud_scores.METRICS[CHAMFER])
+
+
 def test_images_of_a_shape_are_one_case_in_the_units_of_tables():
-    found = claims.of_tables([_table([6.0, 7.0, 8.0]), _table([7.0, 8.0, 12.0])], "car", OURS, THEIRS, METRIC)
+    found = _of([_table([6.0, 7.0, 8.0]), _table([7.0, 8.0, 12.0])], "car")
     assert found is not None and (found.mean, found.shapes, found.trainings) == (pytest.approx(3), 3, 2)
-    alone = claims.of_tables([_table([6.0, 7.0, 8.0], views=1)], "car", OURS, THEIRS, METRIC)
+    alone = _of([_table([6.0, 7.0, 8.0], views=1)], "car")
     assert alone is not None and alone.error == pytest.approx(1 / np.sqrt(3))
-
-
-METRIC = cloud_scores.METRICS[CHAMFER]
 
 
 def test_a_method_without_training_is_compared_with_every_training():
     first, second = _table([6.0, 7.0, 8.0]), _table([7.0, 8.0, 12.0])
-    found = claims.of_tables([first, second[second["method"] == "ddf"]], "car", OURS, THEIRS, METRIC)
+    found = _of([first, second[second["method"] == "ddf"]], "car")
     assert found is not None and found.mean == pytest.approx(3.0) and found.trainings == 2
 
 
 def test_what_has_no_score_or_other_images_is_no_difference():
     table = _table([1.0, 2.0])
-    assert claims.of_tables([table], "chair", OURS, THEIRS, METRIC) is None
+    assert _of([table], "chair") is None
     assert claims.better([table], {("chair", OURS, THEIRS, CHAMFER)}) == set()
     with pytest.raises(checks.InputError, match="not scored on the same images"):
-        claims.of_tables([table.iloc[:-1]], "car", OURS, THEIRS, METRIC)
+        _of([table.iloc[:-1]], "car")
     with pytest.raises(checks.InputError, match="not scored on the same shapes"):
-        claims.of_tables([table, _table([1.0, 2.0, 3.0])], "car", OURS, THEIRS, METRIC)
+        _of([table, _table([1.0, 2.0, 3.0])], "car")
 
 
 def test_scores_that_git_keeps_say_the_same():
