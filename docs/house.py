@@ -23,6 +23,7 @@ ROOMS = {  # what a room holds
     "ddf.api": "import ddf: load, fit, cast, ...",
     "ddf.torch": "rays with gradients, in a loop of one's own",
     "ddf.cli": "the command ddf: a function a command",
+    "ddf.__main__": "python -m ddf",
     "ddf_lab.run": "what a stage is given: sections, folders, seed",
     "ddf_lab.evaluation": "the paper's columns, baselines, paired errors",
     "ddf_lab.model_cards": "models that come with the package",
