@@ -1,4 +1,4 @@
-"""The comparison helper itself, and a hunt for assertions that pytest never runs."""
+"""The comparison helper itself, and names that would hide a test."""
 
 import ast
 from pathlib import Path
@@ -35,37 +35,6 @@ def test_assert_close_refuses_nan_infinity_other_shapes_integers_that_differ_and
             assert_close(np.array(one), np.array(other))
     with pytest.raises(ValueError, match="rtol must be"):
         assert_close(1.0, 1.0, rtol=0.1)
-
-
-def _uncollected(source: str) -> list[str]:
-    """Functions that assert but that pytest would not run: not called test..., not private, not fixtures."""
-    tree = ast.parse(source)
-    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-    found = [node for node in functions if not node.name.startswith(("test", "_")) and not _is_fixture(node)]
-    for scope in tree.body:
-        if isinstance(scope, ast.ClassDef) and not scope.name.startswith("Test"):
-            found += [node for node in scope.body if isinstance(node, ast.FunctionDef) and node.name.startswith("test")]
-    return [node.name for node in found if _asserts(node)]
-
-
-def _is_fixture(node: ast.FunctionDef) -> bool:
-    return any("fixture" in ast.unparse(decorator) for decorator in node.decorator_list)
-
-
-def _asserts(node: ast.FunctionDef) -> bool:
-    called = [ast.unparse(call.func).split(".")[-1] for call in ast.walk(node) if isinstance(call, ast.Call)]
-    return any(isinstance(inner, ast.Assert) for inner in ast.walk(node)) or any(
-        name.startswith("assert_") or name == "raises" for name in called
-    )
-
-
-def test_every_asserting_function_is_collected():
-    for path in sorted(TESTS.rglob("*.py")):
-        source = path.read_text()
-        helper = path.name.startswith("_")
-        assert [name for name in _uncollected(source) if not (helper and name.startswith("assert_"))] == [], path
-        tests = [node for node in ast.parse(source).body if getattr(node, "name", "").startswith("test")]
-        assert path.name.startswith("test_") or tests == [], path
 
 
 def test_no_two_tests_of_a_file_share_a_name():

@@ -1,7 +1,5 @@
 """The page of the benchmarks: lines, and which of them."""
 
-import json
-
 import pytest
 
 from bench.lib import measuring, page
@@ -34,14 +32,6 @@ def test_page_of_many_rows_shows_the_first_or_those_that_its_module_names(tmp_pa
     measuring.write("fits", 1, [*_rows(3, "sine, 60 s"), *_rows(page.MOST_ROWS)])
     text = pages.markdown(page.page(tmp_path))
     assert text.count("| sine, 60 s |") == 3 and f"3 of {page.MOST_ROWS + 3} lines; all: [fits.json]" in text
-
-
-def test_rows_of_other_names_stay_where_a_benchmark_keeps_them(tmp_path):
-    measuring.write("fits", 1, _rows(3))
-    measuring.write("fits", 1, list(_rows(4))[2:], kept=True)
-    assert [row["what"] for row in json.loads((tmp_path / "fits.json").read_text())["rows"]] == [
-        f"way {i}" for i in range(4)
-    ]
 
 
 def test_a_folder_without_results_is_told(tmp_path):

@@ -179,10 +179,3 @@ def test_every_script_is_tested_and_listed():
     assert SCRIPTS <= tested
     listed = re.findall(r"\]\((\w+\.(?:py|ipynb))\)", (FOLDER / "README.md").read_text())
     assert sorted(listed) == sorted(SCRIPTS | {"tour.ipynb"})
-
-
-@pytest.mark.parametrize("script", sorted(SCRIPTS))
-def test_scripts_are_short(script):
-    lines = (FOLDER / script).read_text().splitlines()
-    most = 130 if script == "depth_renderer.py" else 30  # a network of its own; the others call the interface alone
-    assert lines[0].startswith('"""') and len(lines) <= most

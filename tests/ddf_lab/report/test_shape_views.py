@@ -12,7 +12,6 @@ from PIL import Image
 
 from ddf.fields import framed_field, shape_field
 from ddf.geometry import mesh_io, primitives, raycast, rays
-from ddf.pictures import field_pictures
 from ddf_lab.report import beside, shape_views
 
 SPHERE = primitives.Sphere((0.0, 0.0, 0.0), 0.45)
@@ -90,19 +89,3 @@ def test_errors_are_those_of_rays_that_both_see():
         "true_normals": np.tile([1.0, 0.0, 0.0], (4, 1)),
     }
     assert beside.errors(found) == pytest.approx({"median": 0.25, "mean": 0.25, "wrong": 0.25, "angle": 45.0})
-
-
-def test_depths_of_one_scene_share_their_colours():
-    near, far = np.full((4, 4), 1.0), np.full((4, 4), 2.0)
-    far[0, 0] = np.inf
-    one, two = field_pictures.depth_pictures(near, far)
-    assert (one != two).any(axis=-1).all()
-    assert two[0, 0].tolist() == [255, 255, 255]
-
-
-def test_weights_are_coloured_by_the_heavier_component():
-    weight, visibility = np.array([[0.0, 0.5], [1.0, 1.0]]), np.array([[1.0, 1.0], [1.0, 0.0]])
-    (blue, grey), (red, white) = field_pictures.weight_picture(weight, visibility).astype(int)
-    assert blue[2] > blue[0] and red[0] > red[2]
-    assert abs(int(grey[0]) - int(grey[2])) < 10
-    assert white.tolist() == [255, 255, 255]
