@@ -56,14 +56,12 @@ dag: $(READY) ## the stages of CONFIG and what each waits for
 	$(run) --dag
 
 ##@ Quality
-UNIT_TESTS := $(RUN) -m pytest -q -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
-test: $(READY) ## lint and types beside the smoke pipeline, then unit tests and the viewer's page
-	@$(MAKE) -j2 --output-sync=target lint smoke
-	@$(MAKE) site
-	@$(UNIT_TESTS)
+test: $(READY) ## lint and types, the smoke pipeline, the site and unit tests, two side by side; then the viewer's page
+	@$(MAKE) -j2 --output-sync=target lint smoke site test-unit
 	@$(MAKE) test-browser
-test-fast: lint ## lint, types and unit tests
-	@$(UNIT_TESTS)
+test-fast: lint test-unit ## lint, types and unit tests
+test-unit: $(READY) ## the unit tests, each file by one process
+	@$(RUN) -m pytest -q -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
 test-doors: $(READY) ## what pages say to type, in fresh environments of three Pythons, with CPU seconds: [EXTRAS="torch experiments"]
