@@ -238,21 +238,22 @@ def parametrisations(rows: Rows) -> Rows:
 
 
 def completed(rows: Rows) -> Rows:
-    """D_C, F(τ), and the gain in F(τ) over the image."""
+    """D_C, F(τ), and the gain in F(τ) over the image, of rows measured with it."""
     kinds = {
-        "image's": "image",
+        "from the image": "image",
         "mean": "mean",
         "nearest": "nearest",
         "weaker": "sdf, 4000 steps, prior 0.01",
         "signed": "sdf",
     }
-    found, filled = {row["what"]: row["error"] for row in bench("complete")}, []
+    found, filled = {row["what"]: row for row in bench("complete")}, []
     for name, *_ in rows:
         kind, cells = next((own for word, own in kinds.items() if word in name), "depth"), [name]
         for category in ("chair", "plane"):
-            error = found[f"{category}, test: {kind}"]
+            row = found[f"{category}, test: {kind}"]
+            error = row["error"]
             cells.append(f"{error['chamfer_l2_sq_x1000']:.3f}, {error['f_score_tau_x100']:.1f}")
-            if "f_gain" in error:
+            if "f_gain" in error and "each" in row:
                 cells[-1] += f", {error['f_gain']:.1f} ± {error['f_gain_error']:.1f}"
         filled.append(cells)
     return filled
