@@ -53,3 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
     import torch
 
     torch.set_num_threads(1)  # predictable on shared machines; the tests are small
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: "/examples/" not in item.nodeid)  # the file that takes longest comes first
