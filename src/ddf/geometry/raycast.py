@@ -58,10 +58,16 @@ class Scene:
         depth, kept = self._tree.first(positions, directions)
         return depth, np.append(self.kept, -1)[kept]
 
-    def cast_local(self, local: Float[np.ndarray, "n 6"]) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """Depth of rays (position, direction) in local coordinates, and index into `kept`, `inf` and -1 on a miss."""
-        depth, kept = self._tree.first(self._placed(local[:, :3]), local[:, 3:])
-        return depth / self.scale, kept
+    def cast_local(
+        self, local: Float[np.ndarray, "n 6"], behind: float = 0.0
+    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth of rays (position, direction) in local coordinates, and index into `kept`, `inf` and -1 on a miss.
+
+        behind: what lies so little behind a start is met as well, at depth 0.
+        """
+        directions = local[:, 3:].astype(np.float64)
+        depth, kept = self._tree.first(self._placed(local[:, :3]) - behind * self.scale * directions, directions)
+        return np.maximum(depth / self.scale - behind, 0), kept
 
     def _placed(self, local: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """The inverse of `local`."""

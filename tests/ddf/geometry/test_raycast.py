@@ -158,3 +158,10 @@ def test_closest_points_of_a_cube_lie_on_it_at_the_distance():
     truth = np.where((beyond < 0).all(axis=1), -beyond.max(axis=1), np.linalg.norm(beyond.clip(0), axis=1))
     np.testing.assert_allclose(scene.distance(positions), truth, atol=1e-12)
     assert scene.distance(scene.closest(positions)).max() < 1e-12
+
+
+def test_a_face_just_behind_a_start_is_met_at_depth_0_where_that_is_asked_for():
+    scene = raycast.Scene(cube(1.0))
+    local = np.array([[0.3, -1 + 1e-6, 0.2, 0, 1, 0], [0.3, 0.0, 0.2, 0, 1, 0]], np.float32)
+    np.testing.assert_allclose(scene.cast_local(local)[0], [2, 1], atol=2e-6)
+    np.testing.assert_allclose(scene.cast_local(local, raycast.SURFACE_OFFSET)[0], [0, 1], atol=2e-6)

@@ -139,15 +139,14 @@ def _cast_and_pack(
     starts = packing.decode_positions(positions)
     directions = packing.unit_steps(list(drawn.directions.T), np.int16)
     looking = packing.unit_axes(*directions, np.iinfo(np.int16).max)
-    ahead = _lift(scene.scale, drawn, starts, looking) if drawn.starts_on else None
+    ahead = _lift(scene.scale, drawn, starts, looking) if drawn.starts_on else 0.0
+    behind = 0.0 if drawn.starts_on else raycast.SURFACE_OFFSET  # a mesh that touches its box is met where rays enter
     local = np.zeros((len(drawn.positions), 6), np.float32)
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
         np.divide(starts[axis] - centre, np.float32(scene.scale), out=local[:, axis])
         local[:, 3 + axis] = looking[axis]
-    depth, kept = scene.cast_local(local)
-    depth = (depth * scene.scale).astype(np.float32)
-    if ahead is not None:
-        depth = np.maximum(depth + ahead, 0)
+    depth, kept = scene.cast_local(local, behind)
+    depth = np.maximum((depth * scene.scale).astype(np.float32) + ahead, 0)
     packed = {
         "positions": packing.interleaved(list(positions), np.int16),
         "directions": packing.interleaved(directions, np.int16),
