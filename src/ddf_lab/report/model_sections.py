@@ -41,8 +41,8 @@ _READING = (
     "Π<sub>g</sub>: true camera; two models are told the scale, DDF+image reads the image by that "
     "camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
     "mask, which both encoders see.",
-    "Bold, in every table: Student's t, all comparisons of the table corrected together (Holm, 5 %). Standard errors "
-    "are over test shapes, paired, {over}.",
+    "Bold, in D<sub>C</sub> and F<sub>τ</sub> of L points alone: Student's t, their comparisons in a table corrected "
+    "together (Holm, 5 %). Standard errors are over test shapes, paired, {over}.",
 )
 
 

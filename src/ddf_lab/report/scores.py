@@ -101,7 +101,8 @@ def table(
 
     def among(category: str, line: Line, metric: str) -> list[Head]:
         heads = [head for head, its, _ in line.cells if its == metric] if rivals is None else rivals
-        return [head for head in heads if source == scoring.MEASURED and (category, *head, metric) in found.rows]
+        there = [head for head in heads if (category, *head, metric) in found.rows and claims.may_claim(head, metric)]
+        return there if source == scoring.MEASURED else []
 
     better = claims.better(
         results.trainings,

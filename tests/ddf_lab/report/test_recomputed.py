@@ -59,7 +59,7 @@ def test_a_claim_names_effect_interval_and_number(page):
 
 WRONG = {  # what is put into the page, for what, and what is told
     r"\*\*(0\.\d+)\*\*": (r"\1", "should be bold"),
-    r"\| (0\.\d\d\d) \|": (r"| **\1** |", "should not be bold"),
+    r"-S \| (0\.\d\d\d) \|": (r"-S | **\1** |", "should not be bold"),
     r"\| 0\.\d\d\d \|": ("| 9.999 |", "9.999 is printed"),
     r"is best for": ("is better for", "With the true camera"),
 }
