@@ -8,7 +8,7 @@ DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRende
 LAUNCH ?=#                    goes before every training command, such as srun --gres=gpu:1
 SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
-BENCH  ?=#                    some of the benchmarks, by name; all without it
+BENCH  ?=#                    benchmarks by name; without it they are listed
 EXTRAS ?=#                    of test-doors, beside the base install; torch brings 6 GB
 PYTHON ?=#                    for .venv; without it the first of python3.11, 3.12, 3.13 that is there
 UV_VERSION := 0.13.8
@@ -74,7 +74,7 @@ test-gpu: $(READY) ## the tests marked gpu, on a machine that has one
 	@$(RUN) -m pytest -q -m gpu
 lint: $(READY) ## format check, lint and types
 	@ruff format --check -q . && ruff check -q . && pyright --warnings
-bench: $(READY) ## speed against error (reports/bench): [BENCH="ray_casting pose"]
+bench: $(READY) ## speed against error (reports/bench): BENCH="ray_casting pose"; lists them without
 	@$(RUN) -m bench run $(BENCH)
 
 ##@ Household

@@ -1,7 +1,7 @@
 """`python -m bench` lists the benchmarks; `python -m bench NAME [options]` runs one.
 
-`run [NAME ...]` runs several, each in a process of its own (without names: those of `make bench`), and writes their
-page; `page` writes the page alone. `DDF_BENCH_OUT` names another folder than reports/bench.
+`run NAME ...` runs several, each in a process of its own, and writes their page; `page` writes the page alone.
+`DDF_BENCH_OUT` names another folder than reports/bench.
 """
 
 import argparse
@@ -24,8 +24,7 @@ def listing() -> str:
     """Every benchmark, with what it measures."""
     lines = [(__doc__ or "").strip(), ""]
     for entry in catalogue.entries().values():
-        about = f"[{entry.on_demand}] {entry.about}" if entry.on_demand else entry.about
-        words = textwrap.fill(about, WIDTH - INDENT, max_lines=2, placeholder=" ...")
+        words = textwrap.fill(entry.about, WIDTH - INDENT, max_lines=2, placeholder=" ...")
         lines.append(textwrap.indent(words, " " * INDENT).replace(" " * INDENT, f"  {entry.name:{INDENT - 2}}", 1))
     return "\n".join(lines)
 
@@ -56,7 +55,7 @@ def run_one(name: str, arguments: Sequence[str]) -> int:
 
 def main(arguments: Sequence[str]) -> int:
     """What the first argument names; the exit code."""
-    if not arguments or arguments[0] in ("-h", "--help"):
+    if list(arguments) in ([], ["run"]) or arguments[0] in ("-h", "--help"):
         print(listing())
         return 0
     name, *rest = arguments

@@ -30,7 +30,6 @@ from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_folder, fit_settings, fitting, inspection
 from ddf.geometry import mesh_io, raycast, rays
 
-ON_DEMAND = "python -m bench fits, half an hour"
 REAL = (
     "spot_23k.obj",
     "chair_kaykit_A.obj",

@@ -29,7 +29,6 @@ from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_folder, inspection, patch_fitting
 from ddf.geometry import fused_rays, mesh_io, raycast, rays, scans, sensors, unsigned_surface
 
-ON_DEMAND = "python -m bench from_depth, half an hour"
 OBJECTS = ("spot_23k.obj", "chair_kaykit_A.obj", "mug.stl", "teapot.obj", "airplane_airliner.obj")
 HEIGHT, WIDTH, VIEWS, NOVEL, NOISES, INNER, TRIED, OFF = 120, 160, 32, 8, (0.01, 0.0), 20_000, 50_000, 0.02
 LINES = ("patches", "TSDF", "Poisson", "alpha shapes", "patches of the mesh")  # of the page

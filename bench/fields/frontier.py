@@ -28,7 +28,6 @@ from bench.rivals import distances
 from ddf.fields.grid import octree, patch_field
 from ddf.geometry import mesh_io, raycast, rays
 
-ON_DEMAND = "python -m bench frontier, a quarter of an hour"
 GROWING, SECONDS, SIDES = fits.GROWING, 20.0, (128, 256)
 PER_WAVE, SLOPE, WAVES = 4, 0.05, 24  # edges of a wave; its height over its length; waves of a length
 HOOPS, WIDTH = 10, 0.01

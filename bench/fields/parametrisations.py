@@ -28,7 +28,6 @@ from ddf.fit import fit_settings
 from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
 from ddf_lab.evaluation import shape_fits
 
-ON_DEMAND = "python -m bench parametrisations, 20 minutes"
 SECONDS, REPEATS, SIZE = 60.0, 9, 256
 FACES, MARGIN, UNIT = 4_000, 0.02, 0.98  # triangles of a mesh; its box beyond it; half its longest side
 TRAIN_CAMERAS, RAYS_EACH, INSIDE_RAYS = 2_000, 250, 200_000

@@ -27,7 +27,6 @@ from ddf.fields.grid import octree
 from ddf.fit import inspection
 from ddf.geometry import cameras, mesh_io, raycast, rays, sensors, transforms
 
-ON_DEMAND = "python -m bench sensors"
 SHAPES, POSES, REPEATS = ("armchair", "rabbit"), (1, 64), 5
 SENSORS: dict[str, Callable[..., sensors.Sweep]] = {
     "camera": ddf.depth_camera,

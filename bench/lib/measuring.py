@@ -20,8 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / "reports"
 REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
-TICK, WARM, MOST_SECONDS = 0.01, 1.0, 4.0  # seconds: see `interleaved`
-COLD = 10  # by no larger factor is a first call slower than the next ones
+TICK = 0.01  # seconds that a sample lasts, or longer
 FEW, MORE = 5, 45  # steps of two short trainings
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
 Row = dict[str, Any]  # of a file, see `row`
@@ -36,40 +35,23 @@ def cpu_name() -> str:
 
 
 def interleaved(
-    candidates: Mapping[str, Callable[[], Any]],
-    most: int,
-    seconds: float = MOST_SECONDS,
-    clock: Callable[[], float] | None = None,
+    candidates: Mapping[str, Callable[[], Any]], samples: int, clock: Callable[[], float] = time.perf_counter
 ) -> dict[str, list[float]]:
     """Seconds of one call of each candidate, sampled in turn, so that a busy moment meets them all.
 
-    A sample lasts `TICK` or longer: of what is faster, so many calls are made, and their mean taken. The first call
-    warms up, and is the first sample where it takes `WARM` or longer. A candidate leaves when it has `most` samples, or
-    two and took `seconds`.
+    The first call warms up. A sample is the mean of as many calls as last `TICK`.
 
     Args:
-      most: samples of each at most.
-      seconds: time of each, beyond which it is asked no more.
-      clock: in place of `time.perf_counter`; `time.process_time` where one thread works, however busy the machine is.
+      clock: `time.process_time` where one thread works, however busy the machine is.
     """
-    clock = clock or time.perf_counter
-    times: dict[str, list[float]] = {}
     calls: dict[str, int] = {}
     for name, candidate in candidates.items():
-        first = _seconds(candidate, 1, clock)
-        times[name] = [first] if first >= WARM else []
-        calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1, clock))) if first < COLD * TICK else 1
-    spent = {name: sum(values) for name, values in times.items()}
-
-    def open_still(name: str) -> bool:
-        taken = len(times[name])
-        return taken < min(2, most) or (taken < most and spent[name] < seconds)
-
-    while asked := [name for name in candidates if open_still(name)]:
-        for name in asked:
-            count = calls[name]
-            times[name].append(_seconds(candidates[name], count, clock))
-            spent[name] += count * times[name][-1]
+        candidate()
+        calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1, clock)))
+    times: dict[str, list[float]] = {name: [] for name in candidates}
+    for _ in range(samples):
+        for name, candidate in candidates.items():
+            times[name].append(_seconds(candidate, calls[name], clock))
     return times
 
 

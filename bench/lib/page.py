@@ -13,7 +13,7 @@ from bench.lib import catalogue, measuring
 from ddf.core import checks, storage
 from ddf_lab.report import pages
 
-LEAD = 'Made by `make bench`; `make bench BENCH="ray_casting pose"` makes some. Times are medians.'
+LEAD = 'Made by such as `make bench BENCH="ray_casting pose"`. Times are medians.'
 MOST_ROWS, MOST_ERRORS = 20, 4  # of a table
 
 
@@ -63,7 +63,7 @@ def page(folder: Path) -> pages.Page:
     """Of every benchmark that has a file there; InputError where none has."""
     found = {file.stem: storage.read_json(file) for file in sorted(folder.glob("*.json"))}
     if not found:
-        raise checks.InputError(f"{folder}: holds no results; `make bench` writes them")
+        raise checks.InputError(f"{folder}: holds no results; `python -m bench` lists what makes some")
     sections = []
     for entry in catalogue.chosen(list(found)):
         record, names = found[entry.name], getattr(importlib.import_module(entry.module), "LINES", ())

@@ -49,7 +49,6 @@ from ddf.reconstruction import line_clouds
 from ddf_lab.evaluation import claims
 from ddf_lab.run import Run
 
-ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
 KEPT = True  # rows that are not measured anew
 SEED, PIXELS, POINTS, TRUTH_POINTS = 0, 64, 2466, 8000
 SCORES = ("chamfer_l2_sq_x1000", "f_score_tau_x100")

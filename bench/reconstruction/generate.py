@@ -26,7 +26,6 @@ from ddf.models import generated_images, reconstruction_models
 from ddf.reconstruction import framing
 from ddf_lab.evaluation import generative_shapes
 
-ON_DEMAND = "python -m bench generate, some minutes"
 KEPT = True  # rows of other categories
 COUNT, POINTS, TRUTH_POINTS = 40, 1500, 6000
 BLUR, NOISE = 0.3, 0.03  # width of the blurred samples' prior; standard deviation in v1

@@ -16,7 +16,6 @@ from bench.lib import measuring
 from bench.reconstruction import complete
 from ddf.geometry import transforms
 
-ON_DEMAND = "python -m bench pose"
 FIELDS, ANGLES = ("rabbit", "armchair"), (15.0, 30.0, 60.0, 90.0)
 SOLVED_DEG, SOLVED_PERCENT = 2.0, 2.0
 

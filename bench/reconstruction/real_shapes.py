@@ -21,7 +21,6 @@ from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import claims, groups, one_model
 from ddf_lab.run import Run
 
-ON_DEMAND = "python -m bench real_shapes, after the stage samples of `ddf run real`"
 KEPT = True  # rows of other models
 SHIPPED = Path("shipped")  # the models that come with the package
 PRINTED = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
