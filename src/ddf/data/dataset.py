@@ -8,7 +8,7 @@ import functools
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -158,15 +158,15 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
       InputError: the root is missing, or more than 2 % of the shapes are broken.
     """
     root = out_dir if config.made else real_root(os.environ)
-    listed = [*list_synthetic(config), *list_public(config)] if config.made else list_real(config, root)
+    listed = _to_make(config) if config.made else _real(config, root)
     entries = {name: _entries(config, name, listed) for name in config.categories}
     if empty := [name for name, shapes_of_it in entries.items() if not shapes_of_it]:
         raise checks.InputError(f"categories.{empty[0]}: {config.own} has no such shape; call `ddf shapes add`")
-    sides = {(name, entry["id"]): entry for name, own in entries.items() for entry in own}
-    shown = {key for key, entry in sides.items() if any(map(entry.get, _VIEWS))}
+    sides = {(name, entry.id): entry for name, own in entries.items() for entry in own}
+    shown = {key for key, entry in sides.items() if entry.train_views or entry.test_views or entry.validation_views}
     items = [item for item in listed if (item.category, item.id) in shown]
     if config.train_on == "shippable":
-        trained = {key for key, entry in sides.items() if entry["train_views"]}
+        trained = {key for key, entry in sides.items() if entry.train_views}
         items = [replace(item, wide=not item.row and (item.category, item.id) in trained) for item in items]
     names = sorted({item.row.package for item in items if item.row is not None} - {manifest.OWN})
     needed = {packages.PACKAGES[name]: manifest.wanted(name) for name in names}
@@ -175,8 +175,9 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     archives |= {manifest.OWN: config.own.expanduser()} if config.own else {}
     if config.made:
         remove_strangers(root, items)
-    else:
-        forget_checks(out_dir)
+    else:  # forget what earlier checks found: the user may have mended the data since
+        for record in out_dir.glob(storage.RECORDS):
+            record.unlink()
     changing = [config.source, config.views, config.seed, str(root)]
     if rows := config.rows():
         changing += [config.public.views, *map(str, rows)]
@@ -193,7 +194,7 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     broken = {failure.id for failure in failures}
     categories = {}
     for name, own in entries.items():
-        kept = [entry for entry in own if (name, entry["id"]) in shown and entry["id"] not in broken]
+        kept = [asdict(entry) for entry in own if (name, entry.id) in shown and entry.id not in broken]
         categories[name] = {"synset": shapenet.synset(name), "shapes": kept}
     kinds = sorted({"public" if item.row else "synthetic" for item in items})
     source = config.source if config.own is None else kinds[0] if len(kinds) == 1 else "both"
@@ -201,20 +202,13 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     return {"root": root.as_posix(), **made, "categories": categories}
 
 
-_VIEWS = ("train_views", "test_views", "validation_views")
-
-
-def _entries(config: DatasetConfig, name: str, listed: Sequence[Item]) -> list[dict[str, Any]]:
+def _entries(config: DatasetConfig, name: str, listed: Sequence[Item]) -> list[shapenet.ShapeEntry]:
     """The shapes of a category with their views on each side of the split."""
     own = [item for item in listed if item.category == name]
     split = splits.split_class(shapenet.synset(name), [i.id for i in own if i.row is None], strict=config.strict)
     held = splits.held_out(split, config.validation)
-    entries = []
-    for shape in split:
-        seen, unseen = list(shape.train_views), list(shape.test_views)
-        alone = ([], seen) if shape.id in held else (seen, [])
-        entries.append({"id": shape.id, **dict(zip(_VIEWS, (alone[0], unseen, alone[1]), strict=True))})
-    return entries + [_public_entry(config, item.row, item.id) for item in own if item.row]
+    made = [replace(s, train_views=(), validation_views=s.train_views) if s.id in held else s for s in split]
+    return made + [_public_entry(config, item.row, item.id) for item in own if item.row]
 
 
 def _split(config: DatasetConfig, row: manifest.Row) -> str:
@@ -223,14 +217,11 @@ def _split(config: DatasetConfig, row: manifest.Row) -> str:
     return "validation" if barred else row.split
 
 
-def _public_entry(config: DatasetConfig, row: manifest.Row, name: str) -> dict[str, Any]:
+def _public_entry(config: DatasetConfig, row: manifest.Row, name: str) -> shapenet.ShapeEntry:
     """Training shapes are seen in all views, others in those that a split uses."""
-    split, views = _split(config, row), config.public.views
-    shown = {"train": list(range(views))}.get(split, list(splits.VIEWS))
-    return {
-        "id": name,
-        **{f"{side}_views": shown if side == split else [] for side in ("train", "test", "validation")},
-    }
+    split = _split(config, row)
+    shown = tuple(range(config.public.views)) if split == "train" else splits.VIEWS
+    return shapenet.ShapeEntry(name, **{f"{side}_views": shown if side == split else () for side in manifest.SPLITS})
 
 
 def real_root(environment: Mapping[str, str]) -> Path:
@@ -254,27 +245,17 @@ def real_root(environment: Mapping[str, str]) -> Path:
     return root
 
 
-def list_synthetic(config: DatasetConfig) -> list[Item]:
-    """The synthetic shapes to make."""
-    if "synthetic" not in config.made:
-        return []
-    return [
-        Item(name, write.shape_id(config.seed, name, index), index)
-        for name, count in config.categories.items()
-        for index in range(count or 0)
-    ]
+def _to_make(config: DatasetConfig) -> list[Item]:
+    """Synthetic shapes, then public and own ones: all of the categories, and copies of those that train."""
+    counts = config.categories.items() if "synthetic" in config.made else ()
+    items = [Item(name, write.shape_id(config.seed, name, i), i) for name, count in counts for i in range(count or 0)]
+    for row in config.rows():
+        copies = config.public.copies if _split(config, row) == "train" else 0
+        items += [Item(row.category, shapes.copy_id(row, copy), copy, row) for copy in range(1 + copies)]
+    return items
 
 
-def list_public(config: DatasetConfig) -> list[Item]:
-    """The public and own shapes to make: all of the categories, and copies of those that train."""
-    return [
-        Item(row.category, shapes.copy_id(row, copy), copy, row)
-        for row in config.rows()
-        for copy in range(1 + (config.public.copies if _split(config, row) == "train" else 0))
-    ]
-
-
-def list_real(config: DatasetConfig, root: Path) -> list[Item]:
+def _real(config: DatasetConfig, root: Path) -> list[Item]:
     """The shapes that have a folder of renders, in the natural order of the split, or an even choice of them."""
     items = []
     for name, count in config.categories.items():
@@ -293,12 +274,6 @@ def remove_strangers(root: Path, items: Sequence[Item]) -> None:
         for folder in (root / part).glob("*/*"):
             if (folder.parent.name, folder.name) not in wanted:
                 shutil.rmtree(folder)
-
-
-def forget_checks(out_dir: Path) -> None:
-    """Delete what earlier checks found, because the user may have mended the data since."""
-    for record in out_dir.glob(storage.RECORDS):
-        record.unlink()
 
 
 def write_index(config: DatasetConfig, out_dir: Path) -> None:
