@@ -119,9 +119,8 @@ class FakeExperiment:
         tensors = {"points": points.astype(np.float32), "offsets": offsets, "hidden": hidden}
         folder = self._folder("samples", category)
         storage.save_tensors(folder / "000.clouds.safetensors", tensors, {"ids": list(axes), "fingerprint": "x"})
-        errors = {"positions": 1.5e-5, "depth": 2.6e-5, "normals_deg": 0.9}
         samples = {"U.depth": np.zeros((len(axes), 4), np.uint16)}
-        record = {"ids": list(axes), "packing_errors": errors}
+        record = {"ids": list(axes)}
         storage.save_tensors(folder / "000.samples.safetensors", samples, record)
         storage.write_text(folder / "failures.csv", "id,stage,reason\n")
         files = {"000.clouds.safetensors": "", "000.samples.safetensors": ""}

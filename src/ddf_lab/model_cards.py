@@ -75,7 +75,7 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
     compared = onnx_file.export(graphs["field"], "field", out / ONNX, source, onnx_file.ExportConfig())
     apart = max(row.max_abs for row in compared if row.output == "depth")
     inside, drawn = fit_folder.in_cube(mesh)[0], sample_types.each(settings.held_out)
-    samples, _ = shape_samples.draw_samples(inside, settings.drawing, drawn, "held_out")
+    samples = shape_samples.draw_samples(inside, settings.drawing, drawn, "held_out")
     errors = fitting.held_out_errors(shape_field.load(out).field, samples)  # of the rounded weights
     sections = {
         "Data": [

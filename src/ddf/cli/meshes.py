@@ -153,12 +153,11 @@ def samples(
     config = extraction.SamplesConfig(counts=counts, epsilon_o=0.05, offsets="fixed", box="tight", seed=seed)
     raw = mesh_io.load_surface(mesh)
     field_from_raw, solid = transforms.field_from_mesh(raw.surface_vertices()), mesh_io.without_flat(raw)
-    arrays, probes = extraction.extract(mesh_io.Mesh(field_from_raw.apply(solid.vertices), solid.faces), config)
+    arrays = extraction.extract(mesh_io.Mesh(field_from_raw.apply(solid.vertices), solid.faces), config)
     metadata = {
         "seed": seed,
         "sources": {mesh.name: storage.checksum(mesh)},
         "field_from_raw": field_from_raw.to_dict(),
-        "packing_errors": extraction.packing_errors([probes]),
     }
     storage.save_tensors(out, arrays, metadata)
     shares = {kind: float(np.mean(arrays[f"{kind}.depth"] != np.iinfo(np.uint16).max)) for kind in counts}

@@ -6,8 +6,7 @@ depth       uint16      steps of 2 sqrt(3) / 65534 (the box's diagonal); 65535 i
 normals     int8 x 2    octahedral map; of the hit, on a miss the axis (0, 0, 1), which means nothing; of types S and T
                         that of the surface where the ray starts or touches it
 Positions and directions are rounded before rays are cast, so the truth belongs to exactly the stored ray (but of T, see
-`samples.extraction`) and only depth and normals carry an error: half a depth step (2.6e-5), and under 1 degree
-(`normal_error_deg`).
+`samples.extraction`) and only depth and normals carry an error: half a depth step (2.6e-5), and under 1 degree.
 Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
 """
 

@@ -2,10 +2,9 @@
 
 Written through `storage`:
 - `NNN.samples.safetensors`: `<type>.<field>` of shape (shapes, samples, ...) as in `packing`; metadata `ids`,
-  `field_from_raw` (similarity by id), `packing_errors`.
+  `field_from_raw` (similarity by id).
 - `NNN.clouds.safetensors`: `points` float32 (total, 3) in the raw frame (v1 for ShapeNet), `offsets` int64 (shapes +
-  1,),
-  `hidden` bool (total,); metadata `ids`, `hidden_share`.
+  1,), `hidden` bool (total,); metadata `ids`, `hidden_share`.
 """
 
 from collections.abc import Sequence
@@ -15,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from ddf.core import checks, parallel, seeding, storage
-from ddf.data import mesh_shards, packing, true_clouds
+from ddf.data import mesh_shards, true_clouds
 from ddf.data.samples import extraction
-from ddf.geometry import mesh_io, transforms
+from ddf.geometry import mesh_io
 
 
 @dataclass(frozen=True)
@@ -48,50 +47,30 @@ def extract(
 ) -> parallel.ShardResult:
     """Map over prepared meshes: writes `NNN.samples.safetensors` and `NNN.clouds.safetensors`."""
     packs = {pack: mesh_shards.read_pack(pack) for pack in dict.fromkeys(shape.pack for shape in shapes)}
-    done, failures = [], []
+    every, clouds, maps, failures = [], [], {}, []
     for shape in shapes:
+        pack = packs[shape.pack]
         try:
-            done.append(_Extracted.make(shape, packs[shape.pack], config, category))
+            arrays = extraction.extract(pack.meshes[shape.id], config, category, shape.id)
+            rng = seeding.generator(config.seed, category, shape.id, "cloud")
+            clouds.append(true_clouds.draw(mesh_io.load(shape.raw.path), config.cloud_points, rng))
         except (checks.InputError, OSError) as error:
             failures.append(parallel.Failure(shape.id, "samples", str(error)))
-    if not done:
+            continue
+        every.append(arrays)
+        maps[shape.id] = pack.field_from_raw[shape.id].to_dict()
+    if not every:
         return parallel.ShardResult([], failures)
-    sources = {shape.pack: shape.pack_checksum for shape in shapes}
-    record = {"fingerprint": shard.fingerprint, "seed": config.seed, "sources": sources}
-    return parallel.ShardResult([*_write_extracted(done, shard, record)], failures)
-
-
-@dataclass(frozen=True)
-class _Extracted:
-    id: str
-    arrays: dict[str, np.ndarray]
-    probes: extraction.Probes
-    cloud: packing.Cloud
-    field_from_raw: transforms.Similarity
-
-    @classmethod
-    def make(
-        cls, shape: PreparedShape, pack: mesh_shards.PreparedPack, config: extraction.SamplesConfig, category: str
-    ) -> "_Extracted":
-        arrays, probes = extraction.extract(pack.meshes[shape.id], config, category, shape.id)
-        rng = seeding.generator(config.seed, category, shape.id, "cloud")
-        cloud = true_clouds.draw(mesh_io.load(shape.raw.path), config.cloud_points, rng)
-        return cls(shape.id, arrays, probes, cloud, pack.field_from_raw[shape.id])
-
-
-def _write_extracted(done: list[_Extracted], shard: parallel.Shard, record: dict) -> list[Path]:
-    ids = [item.id for item in done]
-    tensors = {name: np.stack([item.arrays[name] for item in done]) for name in done[0].arrays}
-    sizes = [len(item.cloud.points) for item in done]
+    tensors = {name: np.stack([arrays[name] for arrays in every]) for name in every[0]}
     cloud_tensors = {
-        "points": np.concatenate([item.cloud.points for item in done]).astype(np.float32),
-        "offsets": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-        "hidden": np.concatenate([item.cloud.hidden for item in done]),
+        "points": np.concatenate([cloud.points for cloud in clouds]).astype(np.float32),
+        "offsets": np.cumsum([0, *(len(cloud.points) for cloud in clouds)]).astype(np.int64),
+        "hidden": np.concatenate([cloud.hidden for cloud in clouds]),
     }
-    errors = extraction.packing_errors([item.probes for item in done])
-    maps = {item.id: item.field_from_raw.to_dict() for item in done}
+    sources = {shape.pack: shape.pack_checksum for shape in shapes}
+    record = {"fingerprint": shard.fingerprint, "seed": config.seed, "sources": sources, "ids": list(maps)}
+    share = {name: float(cloud.hidden.mean()) for name, cloud in zip(maps, clouds, strict=True)}
     paths = [shard.file(".samples.safetensors"), shard.file(".clouds.safetensors")]
-    storage.save_tensors(paths[0], tensors, {**record, "ids": ids, "field_from_raw": maps, "packing_errors": errors})
-    share = {item.id: float(item.cloud.hidden.mean()) for item in done}
-    storage.save_tensors(paths[1], cloud_tensors, {**record, "ids": ids, "hidden_share": share})
-    return paths
+    storage.save_tensors(paths[0], tensors, {**record, "field_from_raw": maps})
+    storage.save_tensors(paths[1], cloud_tensors, {**record, "hidden_share": share})
+    return parallel.ShardResult(paths, failures)

@@ -114,7 +114,7 @@ def fit(
         mesh, own_from_mesh = fit_folder.in_cube(raw)
         share = plan.get("samples_share") or _affordable(mesh, config)
         drawn = sample_types.scaled(config.samples, share)
-        samples, packing_errors = shape_samples.draw_samples(mesh, config.drawing, drawn, "train", "samples")
+        samples = shape_samples.draw_samples(mesh, config.drawing, drawn, "train", "samples")
         samples = samples if without is None else samples.without(without)
         field = pddf.PDDF(config.field).to(model_files.device())
         if config.start == "flat":
@@ -126,7 +126,6 @@ def fit(
             "fingerprint": fingerprint,
             "seed": config.loop.seed,
             "sources": dict(source or {}),
-            "packing_errors": packing_errors,
             **shape_field.description(
                 config.field, samples.lower, samples.upper, transforms.Similarity(samples.unit).compose(own_from_mesh)
             ),
@@ -136,7 +135,7 @@ def fit(
         steps, seconds = training_loop.fit(
             field, _groups(field), loss, _budget(config, sampling), config.loop, out_dir, record, name
         )
-        tested, _ = shape_samples.draw_samples(mesh, config.drawing, sample_types.each(config.held_out), "held_out")
+        tested = shape_samples.draw_samples(mesh, config.drawing, sample_types.each(config.held_out), "held_out")
         result = {
             "held_out": held_out_errors(field.eval(), tested),
             "seconds": sampling + seconds,

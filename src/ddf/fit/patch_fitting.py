@@ -54,7 +54,7 @@ def fit(
 
         def errors(field: patch_field.PatchField) -> dict[str, Any]:
             counts = sample_types.each(shape_samples.HELD_OUT)
-            truth, _ = shape_samples.draw_samples(mesh, shape_samples.Drawing(), counts, "held_out")
+            truth = shape_samples.draw_samples(mesh, shape_samples.Drawing(), counts, "held_out")
             return {"held_out": held_out.errors(held_out.of_framed(field), truth)}
 
         return patch_field.fitted(mesh, own_from_mesh, config), errors

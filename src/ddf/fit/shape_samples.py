@@ -90,8 +90,8 @@ def draw_samples(
     counts: dict[str, int],
     stream: str,
     describe: str | None = None,
-) -> tuple[ShapeSamples, dict[str, float]]:
-    """Samples of a mesh, field frame, and the largest errors of their stored form (`extraction.packing_errors`).
+) -> ShapeSamples:
+    """Samples of a mesh, field frame.
 
     Args:
       mesh: in [-1, 1]^3; it is shrunk to leave the margin.
@@ -104,7 +104,7 @@ def draw_samples(
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
     offset = drawing.epsilon_o * unit
     drawn = extraction.SamplesConfig(counts, offset, "fixed", box, drawing.margin, seed=drawing.seed)
-    packed, probes = extraction.extract(mesh, drawn, stream, describe=describe)
+    packed = extraction.extract(mesh, drawn, stream, describe=describe)
     arrays = {}
     for kind in sample_types.KINDS:
         samples = packing.decode(packed, kind)
@@ -117,5 +117,4 @@ def draw_samples(
             "normals": samples["normals"],
         }
     sides = extraction.box_of(mesh, drawn)
-    samples = ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit)
-    return samples, extraction.packing_errors([probes])
+    return ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit)

@@ -41,7 +41,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
 
 def _samples(mesh: mesh_io.Mesh) -> dict[str, dict[str, Float[np.ndarray, "n ..."]]]:
     """Of a mesh in [-1, 1]³, by type, in its frame."""
-    samples, _ = shape_samples.draw_samples(mesh, shape_samples.Drawing(), sample_types.each(4000), "figure")
+    samples = shape_samples.draw_samples(mesh, shape_samples.Drawing(), sample_types.each(4000), "figure")
     found, random, units = {}, np.random.default_rng(0), {"positions": samples.unit, "depth": samples.unit}
     for kind, arrays in samples.arrays.items():
         mixed = random.permutation(len(arrays["depth"]))  # stored by side of the surface or of the edge

@@ -101,7 +101,7 @@ def test_samples_and_clouds_do_not_depend_on_the_sharding(packs, tmp_path):
     assert not whole.failures and not single.failures
     both, metadata = storage.load_tensors(whole.files[0])
     one, _ = storage.load_tensors(single.files[0])
-    assert metadata["ids"] == ["a", "c"] and metadata["packing_errors"]["depth_error"] < packing.DEPTH_STEP
+    assert metadata["ids"] == ["a", "c"]
     assert set(both) == {f"{kind}.{name}" for kind in sample_types.KINDS for name in packing.FIELDS}
     assert all((both[name][1] == one[name][0]).all() for name in both)
     clouds, info = storage.load_tensors(whole.files[1])

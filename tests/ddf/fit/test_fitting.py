@@ -201,7 +201,7 @@ def _tensors(samples, kind):
 @pytest.mark.parametrize("margin", [0.0, 0.02, 0.1])
 def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
     slab, config = moved(cube(), np.array([1.0, 0.4, 0.7]), (0.0, 0.0, 0.0)), dataclasses.replace(TINY, margin=margin)
-    samples, _ = shape_samples.draw_samples(slab, config.drawing, TINY.samples, "train")
+    samples = shape_samples.draw_samples(slab, config.drawing, TINY.samples, "train")
     sides = (1 - margin) * np.array([1.0, 0.4, 0.7]) + margin
     np.testing.assert_allclose(samples.upper, sides, atol=1e-6)
     np.testing.assert_allclose(samples.lower, -sides, atol=1e-6)
@@ -211,14 +211,14 @@ def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
     extra = batch.positions[0, :500].abs().amax(0)
     assert bool((extra > 0.9 * torch.from_numpy(sides)).all())
     plate = moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0))
-    thin, _ = shape_samples.draw_samples(plate, config.drawing, TINY.samples, "x")
+    thin = shape_samples.draw_samples(plate, config.drawing, TINY.samples, "x")
     assert thin.upper.tolist() == [1.0, 1.0, 1.0]
 
 
 def test_rays_from_the_sides_of_the_box_have_a_margin_of_way_to_faces_in_them():
     """Samples on the sides of the box that look straight in: the face of a cube is a margin away, not 0 or 2."""
     config = dataclasses.replace(TINY, margin=0.1)
-    samples, _ = shape_samples.draw_samples(cube(), config.drawing, sample_types.each(4000), "train")
+    samples = shape_samples.draw_samples(cube(), config.drawing, sample_types.each(4000), "train")
     bounding = _tensors(samples, "B")
     places, along = bounding["positions"], bounding["directions"]
     centred = places.abs().sort(dim=-1).values[:, 1] < 0.8  # and not beside the face
@@ -235,13 +235,13 @@ def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
         with torch.no_grad():
             field.network.head.bias[:2] = (1 - margin) * 0.5  # the same surface, seen in both frames
         config = dataclasses.replace(TINY, margin=margin)
-        samples, _ = shape_samples.draw_samples(cube(), config.drawing, sample_types.each(2000), "held_out")
+        samples = shape_samples.draw_samples(cube(), config.drawing, sample_types.each(2000), "held_out")
         found[margin] = fitting.held_out_errors(field, samples)["depth_l1"]["S"]
     assert found[0.5] == pytest.approx(found[0.0], rel=0.05)  # S starts on the shape alone
 
 
 def test_errors_over_rays_that_all_miss_are_not_a_number_and_never_0():
-    samples, _ = shape_samples.draw_samples(cube(), TINY.drawing, sample_types.each(50), "held_out")
+    samples = shape_samples.draw_samples(cube(), TINY.drawing, sample_types.each(50), "held_out")
     for part in samples.arrays.values():
         part["visible"][:] = 0
     found = fitting.held_out_errors(pddf.PDDF(TINY.field), samples)
@@ -254,7 +254,7 @@ def test_errors_over_rays_that_all_miss_are_not_a_number_and_never_0():
 
 def test_inner_sheets_are_part_of_the_shape():
     nested = joined(cube(), cube(0.3))
-    samples, _ = shape_samples.draw_samples(nested, TINY.drawing, sample_types.each(2000), "train")
+    samples = shape_samples.draw_samples(nested, TINY.drawing, sample_types.each(2000), "train")
     half = 0.3 * (1 - TINY.margin)
     u = _tensors(samples, "U")
     points = rays.OrientedPoints(
@@ -298,7 +298,7 @@ def test_bad_configs_are_refused(changes, message):
 
 
 def test_a_left_out_type_gives_its_share_of_a_step_to_the_others_and_takes_its_points_of_values_along():
-    samples, _ = shape_samples.draw_samples(cube(), TINY.drawing, TINY.samples, "train")
+    samples = shape_samples.draw_samples(cube(), TINY.drawing, TINY.samples, "train")
     counts = {"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50}
     assert samples.batch_counts(counts) == counts
     fewer = samples.without("S").batch_counts(counts)
@@ -329,7 +329,7 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
     )
     fitting.fit(torus(0.7, 0.3), config, tmp_path)
     counts = sample_types.each(config.held_out)
-    tested = _tensors(shape_samples.draw_samples(torus(0.7, 0.3), config.drawing, counts, "held_out")[0], "U")
+    tested = _tensors(shape_samples.draw_samples(torus(0.7, 0.3), config.drawing, counts, "held_out"), "U")
     seen = {name: values[tested["visible"] > 0] for name, values in tested.items()}
     raw = shape_field.load(tmp_path).field(seen["positions"], seen["directions"])[:, : pddf.NUM_COMPONENTS]
     dead = float((raw < -0.05).float().mean())  # 5 over the sharpness: a slope of 0.7 %
@@ -337,7 +337,7 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
 
 
 def test_a_flat_start_is_the_mean_depth_nearly_everywhere():
-    samples, _ = shape_samples.draw_samples(cube(), TINY.drawing, TINY.samples, "train")
+    samples = shape_samples.draw_samples(cube(), TINY.drawing, TINY.samples, "train")
     field = pddf.PDDF(fit_settings.FitConfig().field)
     fitting.start_flat(field, samples)
     visible = [part["visible"] > 0 for part in samples.arrays.values()]

@@ -33,8 +33,6 @@ from ddf.data.samples.draws import Surface
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 
-_ERROR_PROBE = 100  # samples of each type whose packing error is measured
-
 
 @dataclass(frozen=True)
 class SamplesConfig(schema.Checked):
@@ -63,44 +61,28 @@ class SamplesConfig(schema.Checked):
         object.__setattr__(self, "counts", sample_types.stored("counts", self.counts))
 
 
-@dataclass(frozen=True)
-class Probes:
-    """Some samples of one or more shapes whose errors are measured (`packing_errors`).
-
-    drawn: before rounding. packed: in stored form. depth: `inf` on a miss. normals: before coding.
-    """
-
-    drawn: draws.Draw
-    packed: dict[str, np.ndarray]
-    depth: Float[np.ndarray, "n"]
-    normals: Float[np.ndarray, "n 3"]
-
-
-def extract(
-    mesh: Mesh, config: SamplesConfig, *names: str, describe: str | None = None
-) -> tuple[dict[str, np.ndarray], Probes]:
-    """All six types of one shape in stored form, and some of them for `packing_errors`.
+def extract(mesh: Mesh, config: SamplesConfig, *names: str, describe: str | None = None) -> dict[str, np.ndarray]:
+    """All six types of one shape in stored form.
 
     Args:
       mesh: in the field frame (inside [-1, 1]^3).
       names: what tells this shape's random stream from others (category, id).
       describe: title of a progress bar; None for none.
     Returns:
-      `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`), and the first samples of each type.
+      `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`).
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
     scene = raycast.Scene(mesh)
     domain, codes = domain_of(scene, config), _codes_of_sides(scene)
-    arrays, probes, shown = {}, [], {"desc": describe, "disable": describe is None}
+    arrays, shown = {}, {"desc": describe, "disable": describe is None}
     with tqdm.tqdm(total=sum(config.counts.values()), unit="ray", unit_scale=True, **shown) as progress:
         for kind, count in config.counts.items():
             drawn = sample_types.DRAWS[kind](domain, count, seeding.generator(config.seed, *names, kind))
-            packed, probe = _cast_and_pack(scene, drawn, codes)
+            packed = _cast_and_pack(scene, drawn, codes)
             arrays |= {f"{kind}.{field}": values for field, values in packed.items()}
-            probes.append(probe)
             progress.update(count)
-    return arrays, _together(probes)
+    return arrays
 
 
 def domain_of(scene: raycast.Scene, config: SamplesConfig) -> draws.Domain:
@@ -128,10 +110,8 @@ def surface_of(scene: raycast.Scene) -> Surface:
     return Surface(corners, scene.normals.astype(np.float32), scene.areas)
 
 
-def _cast_and_pack(
-    scene: raycast.Scene, drawn: draws.Draw, codes: Int[np.ndarray, "sides 2"]
-) -> tuple[dict[str, np.ndarray], Probes]:
-    """Samples of one type rounded to their stored form and cast, and the first of them.
+def _cast_and_pack(scene: raycast.Scene, drawn: draws.Draw, codes: Int[np.ndarray, "sides 2"]) -> dict[str, np.ndarray]:
+    """Samples of one type rounded to their stored form and cast.
 
     Coordinates lie one after the other: along an axis of three numpy is slow.
     """
@@ -147,7 +127,7 @@ def _cast_and_pack(
         local[:, 3 + axis] = looking[axis]
     depth, kept = scene.cast_local(local, behind)
     depth = np.maximum((depth * scene.scale).astype(np.float32) + ahead, 0)
-    packed = {
+    return {
         "positions": packing.interleaved(list(positions), np.int16),
         "directions": packing.interleaved(directions, np.int16),
         "depth": packing.encode_depth(depth),
@@ -155,23 +135,6 @@ def _cast_and_pack(
         if drawn.normals is None
         else packing.encode_unit(drawn.normals, np.int8),
     }
-    first = slice(_ERROR_PROBE)
-    before = draws.Draw(drawn.positions[first], drawn.directions[first])
-    if drawn.normals is None:
-        unrounded = raycast.facing_back(scene, np.append(scene.kept, -1)[kept[first]], local[first, 3:])
-    else:
-        unrounded = drawn.normals[first]
-    return packed, Probes(before, {name: values[first] for name, values in packed.items()}, depth[first], unrounded)
-
-
-def _together(probes: Sequence[Probes]) -> Probes:
-    """The probes of several casts, one after the other."""
-    positions, directions = (
-        np.concatenate([getattr(probe.drawn, name) for probe in probes]) for name in ("positions", "directions")
-    )
-    packed = {name: np.concatenate([probe.packed[name] for probe in probes]) for name in probes[0].packed}
-    depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
-    return Probes(draws.Draw(positions, directions), packed, depth, normals)
 
 
 def _lift(
@@ -207,27 +170,3 @@ def _normal_codes(
     slope = sum(normals[:, axis][kept] * looking[axis] for axis in range(3))
     which = np.where(kept < 0, -1, kept + (slope > 0) * len(normals))
     return codes.view(np.int16)[which, 0].view(np.int8).reshape(-1, 2)
-
-
-def packing_errors(probes: Sequence[Probes]) -> dict[str, float]:
-    """Largest error of each stored type over all probes. Positions and directions: how far the stored (and cast) ray is
-    from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
-    """
-    whole = _together(probes)
-    stored = packing.decode_fields(whole.packed)
-    depth, hit = whole.depth, np.isfinite(whole.depth)
-    turned = _angle_deg(stored["directions"].astype(np.float64), whole.drawn.directions)
-    tilted = _angle_deg(stored["normals"].astype(np.float64)[hit], whole.normals[hit])
-    moved = np.abs(stored["positions"].astype(np.float64) - whole.drawn.positions)
-    return {
-        "position_shift": float(moved.max(initial=0.0)),
-        "direction_shift_deg": float(turned.max(initial=0.0)),
-        "depth_error": float(np.abs(stored["depth"][hit].astype(np.float64) - depth[hit]).max(initial=0.0)),
-        "normal_error_deg": float(tilted.max(initial=0.0)),
-    }
-
-
-def _angle_deg(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-    """Between unit vectors that lie close together: their distance is the chord, 2 sin(angle / 2)."""
-    apart = a - b
-    return np.degrees(2 * np.arcsin(0.5 * np.sqrt(np.einsum("ij,ij->i", apart, apart))))
