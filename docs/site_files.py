@@ -65,8 +65,9 @@ def _parted(head: re.Match[str]) -> str:
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Adds the docstrings of `ddf.__all__` and live fields; folds long tables of benchmarks."""
     if page.file.src_uri == API:
-        (homes,) = re.findall(r"(?ms)^_HOMES = (\{.*?^\})", (ROOT / "src" / "ddf" / "__init__.py").read_text())
-        named = "\n\n".join(f"::: ddf.api.{home}.{name}" for name, home in ast.literal_eval(homes).items())
+        (modules,) = re.findall(r"(?ms)^_MODULES = (\{.*?^\})", (ROOT / "src" / "ddf" / "__init__.py").read_text())
+        homes = ast.literal_eval(modules).items()
+        named = "\n\n".join(f"::: ddf.api.{home}.{name}" for home, names in homes for name in names)
         return f"{markdown}\n\n## Reference\n\n{named}\n"
     if page.file.src_uri == GALLERY:
         live = '<iframe class="live" src="live/rabbit.html" title="A rabbit, live" loading="lazy"></iframe>\n'

@@ -19,25 +19,15 @@ if TYPE_CHECKING:
 
     __version__: str
 
-_HOMES = {
-    "Field": "field",
-    "load": "field",
-    "fit": "field",
-    "Scene": "scene",
-    "compose": "scene",
-    "read_mesh": "meshes",
-    "read_scene": "scene",
-    "cast": "meshes",
-    "Reconstruction": "reconstruction",
-    "reconstruct": "reconstruction",
-    "compare": "meshes",
-    "Completion": "completion",
-    "complete": "completion",
-    "generate": "reconstruction",
-    "depth_camera": "sensors",
-    "lidar": "sensors",
-    "recover_pose": "completion",
+_MODULES = {
+    "field": ("Field", "fit", "load"),
+    "scene": ("Scene", "compose", "read_scene"),
+    "meshes": ("cast", "compare", "read_mesh"),
+    "reconstruction": ("Reconstruction", "generate", "reconstruct"),
+    "completion": ("Completion", "complete", "recover_pose"),
+    "sensors": ("depth_camera", "lidar"),
 }
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "Completion",
     "Field",

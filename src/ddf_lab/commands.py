@@ -7,10 +7,7 @@ from typing import Annotated, Any, Literal
 from ddf.cli import arguments, experiments
 from ddf.cli.declare import Arg, command
 
-SAMPLE_BYTES = 14  # as `packing` stores a sample: 6 position, 4 direction, 2 depth, 2 normal
-CLOUD_BYTES = 13  # of a true point: three float32 and whether it is hidden
 _CORES = len(os.sched_getaffinity(0))
-MODEL_COPIES = 4  # of the parameters on disk: the model, and the checkpoint with AdamW's two moments
 
 
 @command("experiment", kept="what is finished is kept; go on by:")
@@ -79,7 +76,7 @@ def config(action: Literal["show"], name: Annotated[str, Arg("NAME")]) -> dict[s
 
 @command("experiment")
 def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
-    """Models, stages, sizes and cost of an experiment file, before anything has run.
+    """Models, stages and cost of an experiment file, before anything has run.
 
     Args:
       config: an experiment file, or the name of one in configs/.
@@ -95,7 +92,7 @@ def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
     experiment = Run.read(config)
     items = graph.expand(experiment, path=Path(__file__).resolve().parents[2] / graph.PIPELINE)
     parameters = _parameters(experiment)
-    cost = _cost(experiment, parameters) if experiment.kind == "reconstruction" else None
+    cost = _cost(experiment) if experiment.kind == "reconstruction" else None
     largest = max(parameters, key=lambda name: parameters[name])
     verdict = f"{experiment.file}: {len(items)} stages; the largest model is {largest} with "
     trainings = f"; {cost['trainings']} trainings" if cost else ""
@@ -103,10 +100,8 @@ def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
         "config": str(config),
         "verdict": f"{verdict}{parameters[largest]:,} parameters{trainings}",
         "parameters": parameters,
-        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
         "stages": [item.name for item in items],
         "sections": list(experiment.given),
-        "artifacts_mib": _sizes(experiment.root),
         **({"cost": cost} if cost else {}),
     }
 
@@ -141,38 +136,18 @@ def _parameters(experiment: Any) -> dict[str, int]:
     return {name: pddf.count_parameters(model) for name, model in models.items()}
 
 
-def _cost(experiment: Any, parameters: dict[str, int]) -> dict[str, Any]:
-    """Shapes, samples and bytes by category, and steps.
+def _cost(experiment: Any) -> dict[str, Any]:
+    """Shapes by category, samples of each, and steps of each training.
 
-    A category of which all shapes are taken is counted once the stage `dataset` has listed them; until then its
-    numbers, and the sums, are null and those `per_shape` hold. Meshes and synthetic renders are not in the bytes.
+    A category of which all shapes are taken is counted once the stage `dataset` has listed them, and null until then.
     """
     from ddf.core import storage
 
     sections = experiment.sections()
-    shapes, samples = dict(sections["dataset"].categories), sum(sections["samples"].counts.values())
+    shapes = dict(sections["dataset"].categories)
     if experiment.index.exists():
         listed = storage.read_json(experiment.index)["categories"]
         shapes |= {name: len(listed[name]["shapes"]) for name in shapes if name in listed}
-    size = samples * SAMPLE_BYTES + sections["samples"].cloud_points * CLOUD_BYTES
-    total = None if None in shapes.values() else sum(shapes.values())
     steps = {name: sections[name].steps for name in ("ddf", "pcsiren", "ddf_image")}
-    trained = len(shapes) * MODEL_COPIES * 4 * sum(parameters[name] for name in ("ddf", "pc_siren", "ddf_image"))
-    return {
-        "shapes": {**shapes, "all": total},
-        "per_shape": {"samples": samples, "bytes": size},
-        "samples": None if total is None else total * samples,
-        "disk_bytes": {"samples": None if total is None else total * size, "trainings": trained},
-        "steps": steps,
-        "trainings": len(shapes) * len(steps),
-        "steps_in_all": {name: count * len(shapes) for name, count in steps.items()},
-    }
-
-
-def _sizes(folder: Path) -> dict[str, float]:
-    """MiB on disk of each stage's results, where they exist."""
-    return {
-        stage.name: round(sum(file.stat().st_size for file in stage.rglob("*") if file.is_file()) / 2**20, 1)
-        for stage in (sorted(folder.iterdir()) if folder.is_dir() else ())
-        if stage.is_dir()
-    }
+    samples = sum(sections["samples"].counts.values())
+    return {"shapes": shapes, "samples_per_shape": samples, "steps": steps, "trainings": len(shapes) * len(steps)}

@@ -14,13 +14,14 @@ import numpy.typing as npt
 from jaxtyping import Bool, Float
 
 from ddf.api import meshes, queries
-from ddf.core import checks, extras, shipped_models
+from ddf.core import checks, config, extras, shipped_models
 from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
     from ddf.fields import shape_field
     from ddf.fields.grid import patch_field
+    from ddf.fit import fit_settings
 
     Weights = shape_field.ShapeField | patch_field.PatchField
 
@@ -273,21 +274,26 @@ def fit(
             found = posed_depth.Sensed(rays, "a scan", 1) if of_scan else posed_depth.read(Path(rays))
             patch_fitting.fit_rays(found.scan, tolerance, Path(folder), sensed=found.sensed)
         elif network:
-            _fit_network(meshes.as_mesh(mesh), minutes, steps, Path(folder))
+            settings = network_settings(minutes, steps)
+            from ddf.fit import fitting
+
+            fitting.fit(meshes.as_mesh(mesh), settings, Path(folder))
         else:
-            config = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
-            patch_fitting.fit(meshes.as_mesh(mesh), config, Path(folder))
+            patches = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
+            patch_fitting.fit(meshes.as_mesh(mesh), patches, Path(folder))
         shape = stored_fields.load(Path(folder))
     return Field(shape, lambda: shape, None if out is None else Path(out))
 
 
-def _fit_network(mesh: Mesh, minutes: int | float | None, steps: int | None, folder: Path) -> None:
-    """As `fit`, of `sine`."""
+def network_settings(
+    minutes: float | None, steps: int | None, config_file: str | None = None
+) -> "fit_settings.FitConfig":
+    """Settings of `sine`, of a file or its name where one is given, with another budget."""
     with extras.named():
-        from ddf.fit import fit_settings, fitting
+        from ddf.fit import fit_settings
     settings = fit_settings.FitConfig()
+    if config_file is not None:
+        settings = config.load(config.found_file(config_file), "fit", fit_settings.FitConfig)
     if minutes is not None:
-        settings = dataclasses.replace(settings, minutes=float(minutes))
-    if steps is not None:
-        settings = dataclasses.replace(settings, steps=int(steps), minutes=None)
-    fitting.fit(mesh, settings, folder)
+        return dataclasses.replace(settings, minutes=float(minutes), steps=None)
+    return settings if steps is None else dataclasses.replace(settings, steps=int(steps), minutes=None)

@@ -25,7 +25,7 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     for each in command.parameters:
         for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
             shipped_models.require(given, *each.arg.reads)
-    out, is_folder = _written(command, args)
+    out, is_folder = written(command, args)
     if out is None:
         return
     from ddf.core import checks, storage  # take numpy, which bare help and `ddf doctor` do without
@@ -66,13 +66,13 @@ def _require_writable(out: Path, folder: Path) -> None:
 
 def kept(command: Command, args: argparse.Namespace) -> str:
     """What is left when a command is interrupted that says nothing better; the command itself belongs after a colon."""
-    out, is_folder = _written(command, args)
+    out, is_folder = written(command, args)
     if out is None:
         return command.kept
     return f"files in {out} are whole; start again by:" if is_folder else f"{out} is not written; start again by:"
 
 
-def _written(command: Command, args: argparse.Namespace) -> tuple[Path | None, bool]:
+def written(command: Command, args: argparse.Namespace) -> tuple[Path | None, bool]:
     """What the command writes, and whether it is a folder."""
     written = next((each for each in command.parameters if each.arg.writes), None)
     return (None, False) if written is None else (getattr(args, written.name), written.arg.writes == "folder")

@@ -1,8 +1,8 @@
 """The commands of `ddf`: every function that a module below declares is one, by `declare.command`.
 
 What a module imports at its top is what bare help waits for: what takes long to load belongs inside the functions. A
-command returns its result, one JSON object with --json. Two keys are for people alone: `table` (label to value, shown
-instead of the rest) and `verdict` (one line, shown last).
+command returns its result, one JSON object with --json, to which `frame` adds what it wrote. Two keys are for people
+alone: `table` (label to value, shown instead of the rest) and `verdict` (one line, shown last).
 """
 
 import importlib

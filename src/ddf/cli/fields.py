@@ -56,7 +56,6 @@ def fit(
       ddf fit rgbd_dataset_freiburg1_xyz my_room
     """
     from ddf.core import checks, storage
-    from ddf.core import config as config_files
     from ddf.fit import patch_fitting
     from ddf.geometry import mesh_io, posed_depth
 
@@ -78,15 +77,10 @@ def fit(
         result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
         spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
         return _inspected(out, loaded, result, spent, f"{result['seconds']:.1f} s, {spent}")
-    from ddf.fit import fit_settings, fitting
+    from ddf.api import field as fields
+    from ddf.fit import fitting
 
-    settings = fit_settings.FitConfig()
-    if config is not None:
-        settings = config_files.load(config_files.found_file(config), "fit", fit_settings.FitConfig)
-    if minutes is not None:
-        settings = dataclasses.replace(settings, steps=None, minutes=minutes)
-    if steps is not None:
-        settings = dataclasses.replace(settings, steps=steps, minutes=None)
+    settings = fields.network_settings(minutes, steps, config)
     if seed is not None:
         settings = dataclasses.replace(settings, loop=dataclasses.replace(settings.loop, seed=seed))
     loaded = mesh_io.load_surface(mesh)
@@ -115,7 +109,6 @@ def _of_rays(source: Path, out: Path, tolerance: float | None, force: bool) -> d
         **result,
         "understood": found.told,
         "left_out": list(found.scan.remarks),
-        "out": out.as_posix(),
         "table": {
             "held-out rays": errors["rays"],
             "median |depth - range|": errors["depth_median"],
@@ -145,7 +138,6 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
         **result,
         "looks": looks,
         "left_out": list(mesh.remarks),
-        "out": out.as_posix(),
         "table": results.grid(("beside the mesh", "value", "unit", "that is"), inspection.verdicts(looks)),
         "verdict": f"{verdict}; field above mesh in {picture}" + results.left_out(mesh.remarks),
     }
@@ -207,7 +199,6 @@ def query(
         "evaluated": evaluated,
         "saved": total - evaluated,
         "outputs": list(found),
-        "out": out.as_posix(),
         "verdict": f"{', '.join(found)} of {total:,} rays; {evaluated:,} of them meet the box of the field",
     }
 
@@ -248,7 +239,6 @@ def points(
         "normals": f"field {field}",
         "without_normal": unknown,
         "seconds": round(seconds, 4),
-        "out": out.as_posix(),
         "table": {"lower corner": found.min(axis=0), "upper corner": found.max(axis=0), "seconds": seconds},
         "verdict": f"{len(found):,} points {words} in {out}",
     }
@@ -285,7 +275,6 @@ def udf(
         "method": "cloud",
         "least": least,
         "largest": most,
-        "out": out.as_posix(),
         "verdict": f"distances of {len(distances):,} points, in mesh units, in {out}",
     }
 
@@ -332,7 +321,6 @@ def surface(
         "faces": len(mesh.faces),
         "watertight": bool(mesh_topology.is_watertight(mesh)),
         "seconds": round(seconds, 3),
-        "out": out.as_posix(),
     }
     verdict = f"{len(mesh.faces):,} triangles in {out}"
     if out.suffix.lower() == ".stl" and (origin := mesh_io.told_origin(mesh.vertices)).any():

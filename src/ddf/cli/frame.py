@@ -68,6 +68,8 @@ def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
         arguments.require_places(command, args)
         try:
             result = command.call(args)
+            out, _ = arguments.written(command, args)
+            result = result if out is None else {"out": out.as_posix()} | result
         except KeyboardInterrupt as stop:
             kept = getattr(stop, "kept", "") or arguments.kept(command, args)
             if kept.endswith(":"):

@@ -115,7 +115,7 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     if bound > FAR * loaded.diagonal():
         verdict += f"; starts lie so far away that float32 positions or directions are off by up to {bound:.2g}"
     found = {"rays": count, "hits": seen, "float32_bound": bound, "left_out": list(loaded.remarks)}
-    return {**found, "out": out.as_posix(), "verdict": verdict}
+    return {**found, "verdict": verdict}
 
 
 @command("mesh")
@@ -166,7 +166,6 @@ def samples(
         "hit_share": shares,
         **metadata,
         "left_out": list(raw.remarks),
-        "out": out.as_posix(),
         "table": results.grid(
             ("type", "samples", "hit"), [(kind, number, f"{shares[kind]:.1%}") for kind, number in counts.items()]
         ),

@@ -75,7 +75,6 @@ def models_get(name: Annotated[str, Arg("NAME")], out: Annotated[Path, Arg("OUT"
     return {
         "name": name,
         "kind": model.kind,
-        "path": out.as_posix(),
         "bytes": model.num_bytes,
         "files": sorted(model.files),
         "verdict": f"{len(model.files)} files of {name} in {out}",
@@ -222,7 +221,6 @@ def complete(
         },
         "seconds": round(seconds, 3),
         "left_out": list(given.remarks),
-        "out": out.as_posix(),
     }
     storage.write_json(out / "completion.json", result)
     verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
@@ -283,7 +281,6 @@ def generate(
         "sheets": [f"{name}.webp" for name in made],
         "images": bool(features),
         "seed": seed,
-        "out": out.as_posix(),
         "verdict": f"{out}: {samples} samples; each opens as a field: ddf render {(out / '000').as_posix()} OUT.png",
     }
 
@@ -347,7 +344,7 @@ def export(
         from ddf.io import viewer_page
 
         size = viewer_page.write(out, views.page_of(model))
-        return {"out": out.as_posix(), "bytes": size, "verdict": f"{out}: {size:,} bytes; any browser opens it"}
+        return {"bytes": size, "verdict": f"{out}: {size:,} bytes; any browser opens it"}
     from ddf.core import checks
     from ddf.fields import field_outputs, model_files
     from ddf.io import onnx_file

@@ -87,26 +87,28 @@ def render(
     seen = images["visibility"] >= framed_field.SEEN
     ranges = {name: _range(values, seen) | {"unit": field_outputs.OUTPUTS[name].unit} for name, values in drawn.items()}
     step = _write(out, suffix, bits, drawn, images)
-    verdict = (
-        f"{out}: {size} x {size} pixels, {seen.mean():.0%} of them see the object "
-        f"from {azimuth:g},{elevation:g},{radius:.3g}; {evaluated:,} rays in {seconds:.2f} s"
-    )
+    found = _told(out, f"{size} x {size}", (azimuth, elevation, radius), size**2, seen.mean(), evaluated, seconds)
     if step is not None:
-        verdict += f"; depth = value x {step:.6g}, 0 where nothing is seen"
-    rows = [(name, found["min"], found["max"], found["unit"]) for name, found in ranges.items()]
+        found["depth_step"] = step
+        found["verdict"] += f"; depth = value x {step:.6g}, 0 where nothing is seen"
+    rows = [(name, *found.values()) for name, found in ranges.items()]
+    table = results.grid(("output", "least", "largest", "unit"), rows)
+    return {"output": ",".join(outputs), "range": ranges, "saved": size**2 - evaluated, **found, "table": table}
+
+
+def _told(
+    out: Path, size: str, camera: arguments.Camera, pixels: int, seen: float, evaluated: int, seconds: float
+) -> dict[str, Any]:
+    """What is said of pictures of a field; `seen`: the share of pixels."""
+    azimuth, elevation, radius = camera
     return {
-        "output": ",".join(outputs),
-        "range": ranges,
         "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": radius},
-        "pixels": size**2,
+        "pixels": pixels,
         "evaluated": evaluated,
-        "saved": size**2 - evaluated,
-        "seen": int(seen.sum()),
+        "seen": round(seen * pixels),
         "seconds": round(seconds, 4),
-        "out": out.as_posix(),
-        **({} if step is None else {"depth_step": step}),
-        "table": results.grid(("output", "least", "largest", "unit"), rows),
-        "verdict": verdict,
+        "verdict": f"{out}: {size} pixels, {seen:.0%} of them see the object from {azimuth:g},{elevation:g},"
+        f"{radius:.3g}; {evaluated:,} rays in {seconds:.2f} s",
     }
 
 
@@ -149,21 +151,11 @@ def _shaded(
     seconds = time.monotonic() - started
     pictures = [frame.picture for frame in frames]
     storage.write_bytes(out, image_files.encode_frames(pictures, out.suffix.lower(), _FRAME_MS))
-    evaluated, pixels = shape.queries, len(frames) * size**2
-    seen = float(np.mean([frame.seen for frame in frames]))
-    return {
-        "output": arguments.SHADED,
-        "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": far},
-        "frames": len(frames),
-        "pixels": pixels,
-        "evaluated": evaluated,
-        "saved": shaded.MOST_RAYS * pixels - evaluated,
-        "seen": round(seen * pixels),
-        "seconds": round(seconds, 4),
-        "out": out.as_posix(),
-        "verdict": f"{out}: {f'{len(frames)} x ' if turn else ''}{size} x {size} pixels, {seen:.0%} of them see the "
-        f"object from {azimuth:g},{elevation:g},{far:.3g}; {evaluated:,} rays in {seconds:.2f} s",
-    }
+    pixels, seen = len(frames) * size**2, float(np.mean([frame.seen for frame in frames]))
+    told = f"{len(frames)} x {size} x {size}" if turn else f"{size} x {size}"
+    found = _told(out, told, (azimuth, elevation, far), pixels, seen, shape.queries, seconds)
+    saved = shaded.MOST_RAYS * pixels - shape.queries
+    return {"output": arguments.SHADED, "frames": len(frames), "saved": saved, **found}
 
 
 def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:
@@ -395,7 +387,6 @@ def scene(
         "saved": saved,
         "seen": float((stacked["visibility"] >= 0.5).mean()),
         "seconds": round(seconds, 4),
-        "out": out.as_posix(),
         "verdict": f"{out}: {len(looks)} x {size} x {size} pixels of {len(counted)} objects; "
         f"{queries / pixels:.3g} queries a pixel; the boxes saved {saved:,} of {saved + queries:,}",
     }

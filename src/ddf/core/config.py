@@ -6,7 +6,6 @@ are checked by the dataclass.
 
 import contextlib
 import dataclasses
-import functools
 import re
 import reprlib
 import types
@@ -157,50 +156,38 @@ def parse_value(text: str, where: str) -> Any:
         raise checks.InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
-def parse(data: Any, cls: type[T], where: str, onto: T | None = None) -> T:
-    """A plain dict as an instance of the dataclass `cls`; `where` names file and section in errors.
-
-    Args:
-      onto: gives what `data` does not, in parts too; None for the defaults of the dataclass.
-    """
-    return _build(data, cls, where, onto, schema.fields_of(cls))
-
-
 def recorded(data: Any, cls: type[T], where: str, needed: tuple[str, ...] = ()) -> T:
     """A section of a record, however old: keys that are gone are passed over, those that are not there have defaults.
 
     Args:
       needed: those that must be there.
     """
-    fields = {field.name: field for field in dataclasses.fields(cast(Any, cls))}
-    return _build(data, cls, where, None, fields, needed)
+    return parse(data, cls, where, needed=needed)
 
 
-def _build(
-    data: Any,
-    cls: type[T],
-    where: str,
-    onto: T | None,
-    fields: dict[str, dataclasses.Field[Any]],
-    needed: tuple[str, ...] | None = None,
-) -> T:
-    """See `parse` and, where `needed` is given, `recorded`."""
+def parse(data: Any, cls: type[T], where: str, onto: T | None = None, needed: tuple[str, ...] | None = None) -> T:
+    """A plain dict as an instance of the dataclass `cls`; `where` names file and section in errors.
+
+    Args:
+      onto: gives what `data` does not, in parts too; None for the defaults of the dataclass.
+      needed: see `recorded`; None of a file, whose keys must be settings.
+    """
     if not isinstance(data, Mapping):
         raise checks.InputError(f"{where} must be a mapping of keys to values; got {_shown(data)}")
+    fields = schema.fields_of(cls) if needed is None else {f.name: f for f in dataclasses.fields(cast(Any, cls))}
     if needed is None:
         errors.require_known(where, data, fields)
-    hints, values = _hints(cls), dict[str, Any]()
+    hints, values = typing.get_type_hints(cls), dict[str, Any]()
     for name, field in fields.items():
         if name in data:
             part, inside = schema.part_of(hints[name]), f"{where}.{name}"
             if part is None or data[name] is None:
                 values[name] = _convert(data[name], hints[name], inside)
-            elif needed is not None:
-                values[name] = recorded(data[name], part, inside)
             else:
                 below = field.default if onto is None else getattr(onto, name)
-                values[name] = parse(data[name], part, inside, below if dataclasses.is_dataclass(below) else None)
-        elif name in (needed or ()) or (onto is None and _is_required(field)):
+                onto_part = below if needed is None and dataclasses.is_dataclass(below) else None
+                values[name] = parse(data[name], part, inside, onto_part, None if needed is None else ())
+        elif name in (needed or ()) or (onto is None and field.default is field.default_factory):  # both are missing
             raise checks.InputError(f"{where}: key {name!r} is missing")
     try:
         return cls(**values) if onto is None else dataclasses.replace(cast(Any, onto), **values)
@@ -220,22 +207,9 @@ def plain(section: Any) -> dict[str, Any]:
     return found
 
 
-@functools.cache
-def _hints(cls: type) -> dict[str, Any]:
-    return typing.get_type_hints(cls)
-
-
-def _is_required(field: dataclasses.Field[Any]) -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-
-
 _REPR = reprlib.Repr()
 _REPR.maxlevel, _REPR.maxstring, _REPR.maxother, _REPR.maxlong = 3, 200, 200, 200
-
-
-def _shown(value: Any) -> str:
-    """A value in an error: the beginning of a long one, whatever aliases in it name."""
-    return _REPR.repr(value)
+_shown = _REPR.repr  # a value in an error: the beginning of a long one
 
 
 def _convert(value: Any, hint: Any, where: str) -> Any:

@@ -262,5 +262,3 @@ def test_doctor_runs_where_nothing_is_installed():
     found = json.loads(_fresh(program, "-S", PYTHONPATH=str(ROOT / "src")).stdout)
     assert found["ok"] is False and found["packages"]["torch"] is None
     assert "make setup" in [entry["command"] for entry in found["missing"]]
-    assert {"avx2", "avx512_bf16"} <= set(found["cpu"]["features"])
-    assert found["threads"]["usable"] >= 1
