@@ -74,7 +74,7 @@ async function main(): Promise<void> {
   const engineNames = [...new Set(world.fields.map((field) => field.engine.name))].join(" and ");
   const canvas = byId("canvas") as HTMLCanvasElement;
   const view = new View(canvas, world, stage, wished(framed(stage, start)), distances, shown, (error) => fail(error.message));
-  view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
+  const opening = (view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode);
   const sharp = (): number => Math.min(SHARPEST, Math.round(canvas.clientWidth * devicePixelRatio)) || view.full;
   let size = Math.round(WISHES.size ?? (slow ? view.full : SHARP));
   const sized = (): void => {
@@ -85,7 +85,7 @@ async function main(): Promise<void> {
   };
 
   function shown(what: Shown): void {
-    if (what.full || view.moving) document.getElementById("first")?.remove();
+    if (what.full || view.moving || view.mode !== opening || view.slice.quantity) document.getElementById("first")?.remove();
     const words = summary(page.title, view, engineNames, what);
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
@@ -149,6 +149,10 @@ async function main(): Promise<void> {
     slicing.key(event);
     if (event.key.toLowerCase() === "r" && !event.ctrlKey && !event.metaKey) reset();
   });
+  document.body.addEventListener("keydown", (event) => {
+    const plain = event.key.length === 1 && !event.ctrlKey && !event.metaKey && !event.altKey;
+    if (event.target === document.body && plain) frame.dispatchEvent(new KeyboardEvent("keydown", event)); // before a click
+  });
 
   /** Numbers as `Field.render` of Python gives them, for scripts and tests. */
   async function render(
@@ -156,6 +160,11 @@ async function main(): Promise<void> {
     size: number,
     outputs: Output[],
   ): Promise<Record<string, number[]> & { evaluated: number }> {
+    const odd = Object.entries({ azimuth, elevation, radius }).find(([, value]) => value !== undefined && !Number.isFinite(value));
+    if (odd) throw new RangeError(`${odd[0]} must be a finite number; got ${odd[1]}`);
+    if (!(Number.isInteger(size) && size > 0)) throw new RangeError(`size must be a positive integer; got ${size}`);
+    const unknown = outputs.find((name) => world.fields.some(({ engine }) => !engine.outputs.includes(name)));
+    if (unknown) throw new RangeError(`outputs must be among ${world.fields[0]!.engine.outputs.join(", ")}; got ${unknown}`);
     const base = framed(stage, { azimuth: azimuth ?? start.azimuth, elevation: elevation ?? start.elevation });
     const rays = pixelRays({ ...base, radius: radius ?? base.radius }, stage, size);
     const found = await query(world, rays, outputs);

@@ -1,5 +1,6 @@
 """The viewer's page in Chromium with software rendering and in Firefox: its numbers are those of `Field.render`."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -289,6 +290,9 @@ def test_patches_are_walked_on_the_cpu_as_python_does(either, ring):
 def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
     opened = _open(either, ring / "keys.html", "size=16&mode=depth", views.page_of([ring]))
     start, before = (opened.page.evaluate("ddf.view.camera"), opened.page.get_attribute("#canvas", "aria-label"))
+    opened.page.keyboard.press("3")  # before anything has the focus
+    opened.still()
+    assert opened.page.is_checked("input[value=normals]")
     opened.page.keyboard.press("Tab")
     assert opened.page.evaluate("document.activeElement.id") == "frame"
     for key in ("ArrowRight", "ArrowUp", "+", "4"):
@@ -305,6 +309,43 @@ def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
     opened.still()
     assert opened.page.evaluate("ddf.view.camera") == start
     opened.require_quiet()
+
+
+AT_ONCE = """
+const chosen = setInterval(() => {
+  if (!window.ddf) return;
+  clearInterval(chosen);
+  window.before = !!document.getElementById("first");
+  document.querySelector("input[value=depth]").click();
+  const drawn = setInterval(() => {
+    if (!document.getElementById("canvas").getAttribute("aria-label").includes("depth")) return;
+    clearInterval(drawn);
+    window.after = !!document.getElementById("first");
+  });
+});
+"""
+
+
+def test_another_mode_takes_the_opening_picture_away_with_its_first_coarse_one(browser, ring):
+    file, page = ring / "opening.html", browser.new_page()
+    viewer_page.write(file, views.page_of([ring]))
+    page.add_init_script(AT_ONCE)
+    page.goto(file.as_uri())
+    while page.evaluate("window.after") is None:
+        page.wait_for_timeout(50)
+    assert page.evaluate("[window.before, window.after]") == [True, False]
+
+
+@pytest.mark.parametrize(
+    "asked, said",
+    [
+        ("{azimuth: NaN}, 8, ['depth']", "azimuth must be a finite number; got NaN"),
+        ("{}, 0, ['depth']", "size must be a positive integer; got 0"),
+        ("{}, 8, ['colour']", "outputs must be among visibility, depth, .*; got colour"),
+    ],
+)
+def test_what_render_is_not_given_right_is_an_error(rabbit, asked, said):
+    assert re.search(said, rabbit.page.evaluate(f"ddf.render({asked}).catch((error) => error.message)"))
 
 
 PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 2.0}
