@@ -21,7 +21,6 @@ _VISITED = 300_000  # nodes and what they hold, each as often as it is used
 _ELEMENTS = 2_000_000  # and attributes of a file: a tree of some hundred bytes each
 _BOUND = 8  # controllers on controllers
 _CHUNK = 1 << 20  # bytes
-_UNREAD = ("lookat", "skew")
 _LEFT_OUT = ("lines", "linestrips")
 _PRIMITIVES = ("triangles", "trifans", "tristrips", "polygons", "polylist")
 
@@ -37,22 +36,18 @@ def _by_id(elements: Iterable[Element]) -> _Ids:
     return found
 
 
-def _find(ids: _Ids, key: str, *tags: str) -> Element | None:
-    """The element of one of these kinds with the id; two that could be meant are refused."""
+def _get(ids: _Ids, reference: str | None, *tags: str) -> Element:
+    """The element of one of these kinds that `#id` names; two that could be meant are refused."""
+    reference = reference or ""
+    if not reference.startswith("#"):
+        raise checks.InputError(f"{reference[:80]!a} points outside the file")
     for tag in tags:
-        found = ids.get((tag, key), [])
+        found = ids.get((tag, reference[1:]), [])
         if len(found) > 1:
-            raise checks.InputError(f"two {tag} elements have the id {key[:40]!a}; which is meant is not clear")
+            raise checks.InputError(f"two {tag} elements have the id {reference[1:41]!a}; which is meant is not clear")
         if found:
             return found[0]
-    return None
-
-
-def _get(ids: _Ids, key: str, tag: str) -> Element:
-    found = _find(ids, key, tag)
-    if found is None:
-        raise checks.InputError(f"there is no {tag} {key[:40]!a}")
-    return found
+    raise checks.InputError(f"there is no {tags[0]} {reference[1:41]!a}")
 
 
 class _Tree(scenes.Target):
@@ -92,51 +87,52 @@ def parse(data: bytes) -> raw.Raw:
     up = root.findtext("asset/up_axis", "Y_UP").strip()
     if up != "Y_UP":
         scene.remarks[f"its up axis is {ascii(up[:10])[1:-1]}; coordinates are as written, not turned"] = None
-    made: dict[str, scenes.Part] = {}
-    for key, matrix in _placements(ids, root, scene.remarks):
-        if key not in made:
-            made[key] = _triangles(_get(ids, key, "geometry"), ids, scene.remarks)
-        scene.require_room(len(made[key][1]))
-        scene.place(made[key], matrix)
+    made: dict[Element, scenes.Part] = {}
+    for geometry, matrix in _placements(ids, root, scene.remarks):
+        if geometry not in made:
+            made[geometry] = _triangles(geometry, ids, scene.remarks)
+        scene.require_room(len(made[geometry][1]))
+        scene.place(made[geometry], matrix)
     return scene.joined()
 
 
-def _placements(ids: _Ids, root: Element, remarks: dict[str, None]) -> Iterator[tuple[str, Float[np.ndarray, "4 4"]]]:
-    """Id and transform of every geometry of the scene."""
+def _placements(
+    ids: _Ids, root: Element, remarks: dict[str, None]
+) -> Iterator[tuple[Element, Float[np.ndarray, "4 4"]]]:
+    """Every geometry of the scene, and its transform."""
     chosen = root.find("scene/instance_visual_scene")
     found = root.findall("library_visual_scenes/visual_scene")
     if chosen is not None:
-        found = [_get(ids, _url(chosen), "visual_scene")]
+        found = [_get(ids, chosen.get("url"), "visual_scene")]
     if len(found) != 1:
         raise checks.InputError(f"the file names no scene and has {len(found)}")
-    stack = [(node, np.eye(4), "", 0) for node in reversed(found[0].findall("node"))]
+    stack = [(node, np.eye(4), 0) for node in reversed(found[0].findall("node"))]
     visited = 0
     while stack:
-        node, matrix, unread, depth = stack.pop()
+        node, matrix, depth = stack.pop()
         visited += 1 + len(node)
         if depth > _DEEPEST or visited > _VISITED:
             raise checks.InputError("its nodes form a circle, or are too many")
         for child in node:
             matrix = scenes.product(matrix, _transform(child))
-            unread = child.tag if child.tag in _UNREAD else unread
         for child in node:
             if child.tag in ("instance_geometry", "instance_controller"):
-                if unread:
-                    raise checks.InputError(f"a node has a {unread}, which is not read; save it as a matrix")
-                shape, bound = _url(child), np.eye(4)
-                if child.tag == "instance_controller":
-                    shape, bound = _unskinned(ids, shape, remarks)
-                yield shape, matrix @ bound
-        inner = node.findall("node") + [_get(ids, _url(each), "node") for each in node.findall("instance_node")]
-        stack += [(child, matrix, unread, depth + 1) for child in reversed(inner)]
+                if not np.isfinite(matrix).all():
+                    raise checks.InputError("a node has a lookat or skew, which are not read; save it as a matrix")
+                geometry, bound = _unskinned(ids, child.get("url"), remarks)
+                yield geometry, matrix @ bound
+        inner = node.findall("node") + [_get(ids, each.get("url"), "node") for each in node.findall("instance_node")]
+        stack += [(child, matrix, depth + 1) for child in reversed(inner)]
 
 
 def _transform(element: Element) -> Float[np.ndarray, "4 4"]:
-    """The matrix of one transform of a node; the identity for any other element."""
+    """The matrix of one transform of a node, not finite where it is not read; the identity for any other element."""
     matrix = np.eye(4)
-    if element.tag == "matrix":
-        return _numbers(element, 16).reshape(4, 4)
-    if element.tag == "translate":
+    if element.tag in ("lookat", "skew"):
+        matrix[:] = np.nan
+    elif element.tag == "matrix":
+        matrix = _numbers(element, 16).reshape(4, 4)
+    elif element.tag == "translate":
         matrix[:3, 3] = _numbers(element, 3)
     elif element.tag == "scale":
         matrix[:3, :3] = np.diag(_numbers(element, 3))
@@ -150,13 +146,13 @@ def _transform(element: Element) -> Float[np.ndarray, "4 4"]:
     return matrix
 
 
-def _unskinned(ids: _Ids, controller: str, remarks: dict[str, None]) -> tuple[str, Float[np.ndarray, "4 4"]]:
-    """The geometry under skins and morphs, and the transform that binds it."""
+def _unskinned(ids: _Ids, reference: str | None, remarks: dict[str, None]) -> tuple[Element, Float[np.ndarray, "4 4"]]:
+    """The geometry, under any skins and morphs, and the transform that binds it."""
     bound = np.eye(4)
     for _ in range(_BOUND):
-        element = _find(ids, controller, "controller")
-        if element is None:
-            return controller, bound
+        element = _get(ids, reference, "geometry", "controller")
+        if element.tag == "geometry":
+            return element, bound
         inner = element.find("skin")
         if inner is not None:
             remarks["skins are not applied: the mesh is read as modelled"] = None
@@ -165,22 +161,12 @@ def _unskinned(ids: _Ids, controller: str, remarks: dict[str, None]) -> tuple[st
         else:
             remarks["morph targets are not applied"] = None
             inner = element.find("morph")
-        controller = "" if inner is None else _reference(inner.get("source", ""))
+        reference = None if inner is None else inner.get("source")
     raise checks.InputError("its controllers form a circle, or are too many")
 
 
 def _numbers(element: Element, count: int) -> Float[np.ndarray, "k"]:
     return scenes.numbers(scenes.decimals(element.text or "", element.tag).tolist(), count, element.tag)
-
-
-def _url(element: Element) -> str:
-    return _reference(element.get("url", ""))
-
-
-def _reference(url: str) -> str:
-    if not url.startswith("#"):
-        raise checks.InputError(f"{url[:80]!a} points outside the file")
-    return url[1:]
 
 
 def _triangles(geometry: Element, ids: _Ids, remarks: dict[str, None]) -> scenes.Part:
@@ -190,7 +176,7 @@ def _triangles(geometry: Element, ids: _Ids, remarks: dict[str, None]) -> scenes
         kind = geometry[0].tag if len(geometry) else "nothing"
         raise checks.InputError(f"a geometry is {kind[:20]!a}, not a mesh; save it as triangles")
     ids = ChainMap(_by_id(geometry.iter()), ids)  # its own first: those of the file may come again
-    tables: dict[str, tuple[int, Float[np.ndarray, "n 3"]]] = {}  # first vertex of each source, and its positions
+    tables: dict[Element, tuple[int, Float[np.ndarray, "n 3"]]] = {}  # first vertex of each source, and its positions
     counts, corners = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     num_vertices = 0
     for element in mesh:
@@ -214,28 +200,26 @@ def _triangles(geometry: Element, ids: _Ids, remarks: dict[str, None]) -> scenes
     return read.vertices, read.faces
 
 
-def _inputs(primitive: Element, ids: _Ids) -> tuple[str, int, int]:
-    """Id of the source of positions, the place of its index among those of a corner, and how many a corner has."""
-    stride, vertices, place = 0, None, 0
-    for element in primitive.findall("input"):
-        offset = text.whole(element.get("offset", "0").encode(), "an input's offset")
-        stride = max(stride, offset + 1)
-        if element.get("semantic") == "VERTEX":
-            vertices, place = _find(ids, element.get("source", "")[1:], "vertices"), offset
-    if vertices is None or not 0 < stride <= 64:
+def _inputs(primitive: Element, ids: _Ids) -> tuple[Element, int, int]:
+    """The source of positions, the place of its index among those of a corner, and how many a corner has."""
+    inputs = primitive.findall("input")
+    offsets = [text.whole(each.get("offset", "0").encode(), "an input's offset") for each in inputs]
+    stride = max(offsets, default=0) + 1
+    named = {each.get("semantic"): (each.get("source"), offset) for each, offset in zip(inputs, offsets, strict=True)}
+    if "VERTEX" not in named or not 0 < stride <= 64:
         raise checks.InputError(f"{primitive.tag} without an input of semantic VERTEX")
-    for element in vertices.findall("input"):
-        if element.get("semantic") == "POSITION":
-            return element.get("source", "")[1:], place, stride
+    vertices, place = named["VERTEX"]
+    for each in _get(ids, vertices, "vertices").findall("input"):
+        if each.get("semantic") == "POSITION":
+            return _get(ids, each.get("source"), "source"), place, stride
     raise checks.InputError("vertices without an input of semantic POSITION")
 
 
-def _positions(ids: _Ids, key: str) -> Float[np.ndarray, "n 3"]:
-    source = _find(ids, key, "source")
-    accessor = None if source is None else source.find("technique_common/accessor")
-    array = None if accessor is None else _find(ids, accessor.get("source", "")[1:], "float_array", "int_array")
-    if accessor is None or array is None:
-        raise checks.InputError(f"there is no source of positions {key[:40]!a}")
+def _positions(ids: _Ids, source: Element) -> Float[np.ndarray, "n 3"]:
+    accessor = source.find("technique_common/accessor")
+    if accessor is None:
+        raise checks.InputError("a source of positions has no accessor")
+    array = _get(ids, accessor.get("source"), "float_array", "int_array")
     values = scenes.decimals(array.text or "", "a position")
     count, offset, stride = (
         text.whole(accessor.get(name, default).encode(), f"an accessor's {name}")
@@ -244,10 +228,8 @@ def _positions(ids: _Ids, key: str) -> Float[np.ndarray, "n 3"]:
     named = [parameter.get("name", "") for parameter in accessor.findall("param")]
     order = [named.index(axis) for axis in "XYZ"] if {"X", "Y", "Z"} <= set(named) else [0, 1, 2]
     last = offset + stride * (count - 1) + max(2, *order)
-    if stride < 3 or offset < 0 or count < 0 or (count and last >= len(values)):
+    if stride <= max(2, *order) or offset < 0 or count < 0 or (count and last >= len(values)):
         raise checks.InputError(f"an accessor of {count} positions reaches beyond its {len(values)} numbers")
-    if max(order) >= stride:
-        raise checks.InputError("an accessor has more params than its stride")
     return values[offset + stride * np.arange(count)[:, None] + np.array(order)]
 
 
@@ -264,10 +246,9 @@ def _polygons(primitive: Element, offset: int, stride: int) -> tuple[Int[np.ndar
     if kind == "polygons":
         return np.array([len(each) for each in strips], dtype=np.int64), _joined(strips)
     primitives = len(strips)
-    if kind == "tristrips":
-        strips = [scenes.strip(each).reshape(-1) for each in strips]
-    elif kind == "trifans":
-        strips = [_fan(each) for each in strips]
+    if kind in ("tristrips", "trifans"):
+        cut = scenes.strip if kind == "tristrips" else _fan
+        strips = [cut(each).reshape(-1) for each in strips]
     corners = _joined(strips)
     sizes = np.full(len(corners) // 3, 3)
     if kind == "polylist":

@@ -17,8 +17,7 @@ from ddf.geometry.formats import raw, text
 MAX_MARKS = 12_000_000  # line ends, entities and twice the tags: each calls a function of ours
 MAX_ATTRIBUTES = 300_000  # of an element: they are held in memory together
 MAX_BYTES = 128 << 20  # of text, after any decompression: some two million triangles
-_PIECE = 1 << 20  # characters whose words are in memory at once
-_SPACE = re.compile(r"\s")
+_PIECES = re.compile(rf"(?s).{{1,{1 << 20}}}\S*")  # whole words that are in memory at once
 _UNREADABLE = (ElementTree.ParseError, ValueError, LookupError)
 Part = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices and triangles
 
@@ -81,26 +80,14 @@ def numbers(values: Any, count: int, name: str) -> Float[np.ndarray, "k"]:
 
 
 class Target:
-    """Is told of everything that is read, and here looks at none of it; of text if it has a method `data`.
+    """Is told of what is read: `start`, `end`, `data` and the rest of `XMLParser`'s methods, those that it has.
 
     Tags and attributes in other namespaces as `{namespace}name`.
     """
 
-    def start_ns(self, prefix: str, uri: str) -> None:
-        """A namespace gets a prefix."""
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
-
-    def end(self, tag: str) -> None:
-        """An element ends."""
-
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
         """A document type, which is refused."""
         raise checks.InputError("the XML declares a document type, which is not read")
-
-    def close(self) -> Any:
-        """The text has ended; what it was."""
 
 
 def read_xml(blocks: Iterator[bytes], target: Target) -> Any:
@@ -147,11 +134,9 @@ def indices(words: str, where: str) -> Int[np.ndarray, "k"]:
 def _numbers(words: str, where: str, whole: bool) -> np.ndarray:
     """All numbers, in pieces that end between words: at once where all are plain, else word by word."""
     kind, read = (np.int64, text.whole) if whole else (np.float64, text.number)
-    found, begin = [np.zeros(0, dtype=kind)], 0
-    while begin < len(words):
-        space = _SPACE.search(words, begin + _PIECE)
-        end = len(words) if space is None else space.end()
-        piece, begin = words[begin:end], end
+    found = [np.zeros(0, dtype=kind)]
+    for match in _PIECES.finditer(words):
+        piece = match[0]
         table = text.Blocks(b"").table(piece.encode(), whole)
         if table is None:
             found.append(np.array([read(word.encode(), where) for word in piece.split()], dtype=kind))
