@@ -26,7 +26,7 @@ import onnx.numpy_helper
 import torch
 
 from ddf.core import checks, extras, storage
-from ddf.fields import field_file, field_outputs, model_files, shape_field
+from ddf.fields import field_file, model_files, shape_field
 from ddf.fields.grid import patch_field
 from ddf.io import onnx_graphs, onnx_parity, patch_graph
 from ddf.io.onnx_graphs import DYNAMIC, Graph
@@ -83,11 +83,6 @@ class ExportConfig:
     batches: tuple[int, ...] = (1, 7, 4096)
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        field_outputs.require(self.outputs)
-        if not self.batches or min(self.batches) < 1:
-            raise checks.InputError(f"batches must be >= 1; got {self.batches}")
-
 
 def export(
     graph: Graph, name: str, out: Path, source: Mapping[str, Any], config: ExportConfig
@@ -110,14 +105,14 @@ def to_onnx(graph: Graph, source: Mapping[str, Any]) -> bytes:
     examples = onnx_parity.example_inputs(graph.eval(), 2, torch.Generator().manual_seed(0))
     free = [name for name, shape in graph.inputs.items() if shape[0] == DYNAMIC]
     with torch.no_grad():
-        shapes = {key: list(value.shape) for key, value in zip(graph.meanings, graph(*examples.values()), strict=True)}
-    axes = {name: {0: DYNAMIC} for name in [*free, *(key for key in shapes if _is_free(graph, key))]}
+        shapes = [value.shape for value in graph(*examples.values())]
+    axes = {name: {0: DYNAMIC} for name in (*free, *graph.meanings)}
     if isinstance(graph, patch_graph.PatchGraph):
         model = graph.assemble(lambda part, ins, given, outs: _recorded(part, ins, given, outs, _all_free(ins, outs)))
     else:
         model = _recorded(graph, list(graph.inputs), tuple(examples.values()), list(graph.meanings), axes)
-    for value in model.graph.output:
-        lengths = [DYNAMIC if i == 0 and value.name in axes else n for i, n in enumerate(shapes[value.name])]
+    for value, shape in zip(model.graph.output, shapes, strict=True):
+        lengths = [DYNAMIC, *shape[1:]]
         value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, onnx.TensorProto.FLOAT, lengths))
     _describe(model, graph, source)
     onnx.checker.check_model(model, full_check=True)
@@ -155,11 +150,6 @@ def _all_free(*names: Sequence[str]) -> dict[str, dict[int, str]]:
     return {name: {0: f"{name}_rows"} for name in itertools.chain(*names)}
 
 
-def _is_free(graph: Graph, output: str) -> bool:
-    """Whether an output has one row per row of the free axis; the camera of a single image has not."""
-    return not (output == "camera" and "image" in graph.inputs)
-
-
 def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -> None:
     for node in model.graph.node:
         node.doc_string = ""
@@ -176,7 +166,7 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
         "model_license": LICENCE,
         **source,
     }
-    if "images" not in graph.inputs and "image" not in graph.inputs:
+    if not {"images", "image"} & set(graph.inputs):
         del facts["images"]
     texts = {
         key: value if isinstance(value, str) else json.dumps(value, sort_keys=True) for key, value in facts.items()
@@ -219,23 +209,17 @@ def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str
     """
     path = folder / model_files.MODEL
     record = storage.load_metadata(path)
-    if record.get("kind") == field_file.PATCHES:
-        return {"field": patch_graph.PatchGraph(patch_field.load(path), outputs)}, describe_source(path, record)
-    if record.get("kind") == field_file.KIND:
-        shape = shape_field.load(folder)
-        graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
-        return graphs, describe_source(path, record)
-    if record.get("kind") not in ("ddf", "pcsiren", line_field.KIND):
-        raise checks.InputError(
-            f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
-        )
-    if record["kind"] == "ddf":
+    kind, graphs = record.get("kind"), dict[str, Graph]()
+    if kind == field_file.PATCHES:
+        graphs["field"] = patch_graph.PatchGraph(patch_field.load(path), outputs)
+    elif kind == field_file.KIND:
+        graphs["field"] = onnx_graphs.FieldGraph(shape_field.load(folder).field.cpu(), outputs)
+    elif kind == "ddf":
         ddf, image_size, _ = reconstruction_models.load_ddf(folder)
-        graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
-    elif record["kind"] == line_field.KIND:
+        graphs |= onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
+    elif kind == line_field.KIND:
         trained = line_field.load(folder)
-        graphs = onnx_graphs.line_graphs(trained.network.cpu(), trained.image_size)
+        graphs |= onnx_graphs.line_graphs(trained.network.cpu(), trained.image_size)
     else:
-        pcsiren, image_size = reconstruction_models.load_pcsiren(folder)
-        graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)
+        raise checks.InputError(f"{folder}: holds no DDF; give a folder that `make train` or `ddf fit` wrote")
     return graphs, describe_source(path, record)

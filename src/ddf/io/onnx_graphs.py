@@ -81,15 +81,9 @@ class FieldGraph(Graph):
 
     def values(self, inputs: Mapping[str, Tensor]) -> FieldValues:
         """The field at the inputs."""
-        return self.at(*(inputs[name] for name in self.inputs))
+        return self._at(*(inputs[name] for name in self.inputs))
 
-    def at(
-        self,
-        positions: Float[Tensor, "n 3"],
-        directions: Float[Tensor, "n 3"],
-        latent: Float[Tensor, "1 z"] | None = None,
-    ) -> FieldValues:
-        """The field at the points; with a modulator, that of the latent."""
+    def _at(self, positions: Tensor, directions: Tensor, latent: Tensor | None = None) -> FieldValues:
         modulations = None
         if self.modulator is not None and latent is not None:
             modulations = [modulation.squeeze(-2) for modulation in self.modulator(latent)]
@@ -97,26 +91,8 @@ class FieldGraph(Graph):
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """The outputs in order."""
-        values = self.at(*inputs)
+        values = self._at(*inputs)
         return tuple(OUTPUTS[name].compute(values) for name in self.outputs)
-
-
-class PointsGraph(Graph):
-    """The PC-SIREN decoder: seeds in [-1, 1]^3 and a latent to points of the shape."""
-
-    what = "PC-SIREN: seeds drawn uniformly from [-1, 1]^3 to points of the shape of the latent"
-
-    def __init__(self, decoder: pddf.PointDecoder, latents: Float[Tensor, "k z"]) -> None:
-        super().__init__()
-        self.decoder, self.examples = decoder, {"latent": latents}
-        self.inputs = {"seeds": (DYNAMIC, 3), "latent": (1, latents.shape[-1])}
-        self.meanings = {"points": "points of the shape, field frame"}
-        self.tolerances = {"points": 1e-5}
-
-    def forward(self, seeds: Float[Tensor, "n 3"], latent: Float[Tensor, "1 z"]) -> tuple[Tensor]:
-        """The points."""
-        modulations = [modulation.squeeze(-2) for modulation in self.decoder.modulator(latent)]
-        return (self.decoder.network(seeds, modulations),)
 
 
 class EncodersGraph(Graph):
@@ -131,7 +107,7 @@ class EncodersGraph(Graph):
         self.camera_head = model.camera_head
         self.inputs = {"images": (DYNAMIC, IMAGE_CHANNELS, image_size, image_size)}
         self.meanings = {
-            "latent": "latent of the shape, input of the field and of PC-SIREN",
+            "latent": "latent of the shape, input of the field",
             "camera": "azimuth and elevation in radians, radius in benchmark units",
         }
         self.tolerances = {"latent": 1e-4, "camera": 1e-4}
@@ -139,32 +115,6 @@ class EncodersGraph(Graph):
     def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
         """Latents and cameras."""
         return self.shape_encoder(images), self.camera_head(self.camera_encoder(images))
-
-
-class ImageFieldGraph(Graph):
-    """From one image to its field at oriented points, in one file; for many calls use the encoders and the field."""
-
-    what = "one RGBA image and oriented points of the field frame to the camera and the field of the shape"
-
-    def __init__(self, model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str] | None) -> None:
-        super().__init__()
-        self.encoders = EncodersGraph(model, image_size)
-        self.conditional = FieldGraph(model.field, outputs, model.decoder.modulator, torch.zeros(1, 1))
-        image = {"image": (1, *self.encoders.inputs["images"][1:])}
-        self.inputs = image | {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
-        self.meanings = {"camera": self.encoders.meanings["camera"]} | self.conditional.meanings
-        self.tolerances = {"camera": self.encoders.tolerances["camera"]} | self.conditional.tolerances
-        self.relative = self.conditional.relative
-
-    def values(self, inputs: Mapping[str, Tensor]) -> FieldValues:
-        """The field of the image at the points."""
-        latent = self.encoders.shape_encoder(inputs["image"])
-        return self.conditional.at(inputs["positions"], inputs["directions"], latent)
-
-    def forward(self, image: Tensor, positions: Tensor, directions: Tensor) -> tuple[Tensor, ...]:
-        """The camera, then the field's outputs."""
-        latent, camera = self.encoders(image)
-        return camera, *self.conditional(positions, directions, latent)
 
 
 class ViewsGraph(Graph):
@@ -289,15 +239,6 @@ def ddf_graphs(
     return {
         "field": FieldGraph(model.field, outputs, model.decoder.modulator, example_latents(model, image_size)),
         "encoders": EncodersGraph(model, image_size),
-        "image_field": ImageFieldGraph(model, image_size, outputs),
-    }
-
-
-def pcsiren_graphs(model: reconstruction_models.PCSirenModel, image_size: int) -> dict[str, Graph]:
-    """The graphs of a trained PC-SIREN model, by the name of their file."""
-    return {
-        "pcsiren": PointsGraph(model.decoder, example_latents(model, image_size)),
-        "pcsiren_encoders": EncodersGraph(model, image_size),
     }
 
 

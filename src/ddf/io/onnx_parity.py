@@ -8,8 +8,7 @@ continuous (`field_outputs`); elsewhere it has to be finite, and such rows must 
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import onnxruntime
@@ -51,10 +50,6 @@ class Row:
     mean_abs: float
     tolerance: float
     unclear: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values, for a table."""
-        return asdict(self)
 
 
 def session(data: bytes, threads: int = 1) -> onnxruntime.InferenceSession:
@@ -127,11 +122,9 @@ def example_inputs(graph: Graph, count: int, generator: torch.Generator) -> dict
     """Random inputs with `count` rows on the free axis: points of the box, unit directions, latents, images."""
     makers: dict[str, Callable[[int, Sequence[int | str]], Tensor]] = {
         "positions": lambda rows, _: torch.rand((rows, 3), generator=generator) * 2 - 1,
-        "seeds": lambda rows, _: torch.rand((rows, 3), generator=generator) * 2 - 1,
         "directions": lambda rows, _: nn.functional.normalize(torch.randn((rows, 3), generator=generator), dim=-1),
         "images": lambda rows, shape: onnx_graphs.example_images(rows, int(shape[-1]), generator),
     }
-    makers["image"] = makers["images"]
     row = torch.randint(1 << 16, (1,), generator=generator)
     return {
         name: graph.examples[name][row % len(graph.examples[name])]

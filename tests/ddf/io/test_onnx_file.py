@@ -71,15 +71,15 @@ def test_saturated_visibility_and_depth_of_zero_are_exact(activation, sign):
     assert_close(np.linalg.norm(found["normals"], axis=-1), np.ones(len(positions)))
 
 
-@pytest.mark.parametrize("name", ["field", "encoders", "image_field"])
+@pytest.mark.parametrize("name", ["field", "encoders"])
 def test_no_rows_give_no_rows_from_the_graph_itself(name):
     graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)[name]
     inputs = onnx_parity.example_inputs(graph, 0, torch.Generator())
     found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, list(graph.meanings))
     widths = {name: (3,) for name in ALL if name.startswith("normals")} | {"latent": (6,), "camera": (3,)}
-    one_camera = {"camera": (1, 3)} if name == "image_field" else {}
-    expected = {key: (0, *widths.get(key, ())) for key in graph.meanings} | one_camera
-    assert {key: value.shape for key, value in found.items()} == expected
+    assert {key: value.shape for key, value in found.items()} == {
+        key: (0, *widths.get(key, ())) for key in graph.meanings
+    }
 
 
 def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
@@ -92,11 +92,8 @@ def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
         assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
 
 
-@pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
-def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
-    ddf, pcsiren = onnx_graphs.ddf_graphs, onnx_graphs.pcsiren_graphs
-    graphs = ddf(_models.ddf_model(), 32, ALL) if kind == "ddf" else pcsiren(_models.pcsiren_model(), 32)
-    for name, graph in graphs.items():
+def test_every_graph_of_a_model_agrees_with_torch(tmp_path):
+    for name, graph in onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL).items():
         rows = onnx_file.export(graph, name, tmp_path / f"{name}.onnx", SOURCE, QUICK)
         assert {row.output for row in rows} == set(graph.meanings)
         assert max(row.max_abs / row.tolerance for row in rows) < 1
@@ -129,7 +126,7 @@ def test_file_says_what_it_is(tmp_path):
 
 
 def test_equal_models_give_equal_bytes_without_places_of_this_machine():
-    graphs = (onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)["image_field"] for _ in range(2))  # of all parts
+    graphs = (onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)["field"] for _ in range(2))
     first, second = (onnx_file.to_onnx(graph, SOURCE) for graph in graphs)
     assert first == second and str(Path.cwd()).encode() not in first and sys.prefix.encode() not in first
 

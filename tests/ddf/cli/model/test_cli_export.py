@@ -38,7 +38,6 @@ def test_outputs_and_graph_are_chosen(folder, tmp_path, answer):
     result = answer("export", folder, out, "--graph", "encoders")
     assert result["graph"] == "encoders"
     assert set(result["parity"]) == {"latent", "camera"}
-    assert set(answer("export", _models.write_model(tmp_path / "pc", "pcsiren"), out)["parity"]) == {"points"}
 
 
 def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, answer):
@@ -60,9 +59,9 @@ def _rename_kind(path):
     ("spoil", "arguments", "message"),
     [
         (lambda path: damage(path, -5), [], "is damaged or not one of our files"),
-        (_rename_kind, [], "holds no DDF or PC-SIREN model"),
+        (_rename_kind, [], "holds no DDF"),
         (lambda path: path.unlink(), [], "does not exist"),
-        (lambda path: None, ["--graph", "pcsiren"], "--graph must be one of field, encoders, image_field"),
+        (lambda path: None, ["--graph", "rays"], "--graph must be one of field, encoders for"),
     ],
 )
 def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, folder, tmp_path, refusal):
