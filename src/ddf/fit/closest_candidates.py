@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, provenance, seeding
+from ddf.core import provenance, seeding
 from ddf.fields import field_values, model_files, pddf, siren, udf
 from ddf.fields.shape_field import ShapeField
 from ddf.models import loop_config
@@ -29,10 +29,6 @@ class CandidateConfig:
     points: int = 4096
     hidden: tuple[int, ...] = udf.PAPER_LAYOUT.hidden
     omega_first: float = 1.0
-
-    def __post_init__(self) -> None:
-        if min(self.steps, self.points) < 1:
-            raise checks.InputError(f"steps and points must be >= 1; got {self.steps} and {self.points}")
 
     def network(self) -> udf.CandidateNetwork:
         """A fresh g_v."""

@@ -45,7 +45,8 @@ def measure(shape: ShapeField, count: int, seed: int = 0) -> dict[str, dict[str,
     drawn.append(random.standard_normal((count, 3)))
     starts, others, along = (torch.from_numpy(values).to(weight) for values in drawn)
     directions = torch.nn.functional.normalize(along, dim=-1)
-    parts = [residuals(answers, *chunk) for chunk in zip(*map(_chunks, (starts, directions, others)), strict=True)]
+    chunks = zip(*(values.split(CHUNK_RAYS) for values in (starts, directions, others)), strict=True)
+    parts = [residuals(answers, *chunk) for chunk in chunks]
     return {name: _summary(torch.cat([part[name] for part in parts])) for name in NAMES}
 
 
@@ -88,10 +89,6 @@ def view_residuals(
     t = (q - p).norm(dim=-1)
     depth, seen_share = answers(p, (q - p) / t.clamp_min(1e-12)[:, None])  # guards a start on the point itself
     return (depth - t).clamp_min(0.0), 1.0 - seen_share
-
-
-def _chunks(values: Tensor) -> tuple[Tensor, ...]:
-    return values.split(CHUNK_RAYS)
 
 
 def _summary(values: Float[Tensor, "n"]) -> dict[str, float]:

@@ -90,10 +90,10 @@ def measure(field: framed_field.FramedField, truth: MeshField) -> dict[str, floa
     """
     size = _size(field)
     seen = [_seen(field, truth, camera, size) for camera in _cameras(field)]
-    depth, angle, thin = (np.concatenate([getattr(view, name) for view in seen]) for name in ("depth", "angle", "thin"))
+    depth, angle, overlap, thin = map(np.concatenate, zip(*seen, strict=True))
     return {
         "depth": _median(depth),
-        "silhouettes": _percent(np.concatenate([view.overlap for view in seen])),
+        "silhouettes": _percent(overlap),
         "thin": _percent(thin),
         "normals": _median(angle),
         "inside": wrong_inside(field, truth),
@@ -117,28 +117,16 @@ def verdicts(values: dict[str, float]) -> list[tuple[str, float, str, str]]:
     return [(each.words, values[name], each.unit, each.verdict(values[name])) for name, each in MEASURES.items()]
 
 
-@dataclass(frozen=True)
-class _View:
-    """Of one camera: errors where both see something, whether pixels that either sees agree, whether thin parts are
-    seen.
-    """
-
-    depth: Float[np.ndarray, "_"]
-    angle: Float[np.ndarray, "_"]
-    overlap: Bool[np.ndarray, "_"]
-    thin: Bool[np.ndarray, "_"]
-
-
 def _cameras(field: framed_field.FramedField) -> list[tuple[float, float, float]]:
     return [(*angles, framed_field.framing_radius(field, *angles)) for angles in VIEWS]
 
 
 def _seen(
-    field: framed_field.FramedField,
-    truth: MeshField,
-    camera: tuple[float, float, float],
-    size: float,
-) -> _View:
+    field: framed_field.FramedField, truth: MeshField, camera: tuple[float, float, float], size: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of one camera: errors of depth and angle where both see something, whether pixels that either sees agree, whether
+    thin parts are seen.
+    """
     starts, along = framed_field.camera_rays(field, camera, SIZE)
     back = field.field_from_mesh.inverse()
     asked = rays.OrientedPoints(back.apply(starts), back.apply_directions(along))
@@ -153,7 +141,7 @@ def _seen(
         return framed_field.query(truth, rays.OrientedPoints(*placed), ("depth",))[0]["depth"]
 
     right = ~wrong(got["depth"], true["depth"], OFF * size)[there][thin(depth, points, true["normals"][there], size)]
-    return _View(100 * off, np.degrees(np.arccos(np.clip(cosine, -1, 1))), both[sees | there], right)
+    return 100 * off, np.degrees(np.arccos(np.clip(cosine, -1, 1))), both[sees | there], right
 
 
 def thin(

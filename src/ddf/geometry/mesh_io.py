@@ -168,12 +168,8 @@ def load_surface(path: Path | str) -> Mesh:
     return mesh
 
 
-def require_suffix(suffix: str) -> None:
+def require_suffix(suffix: str, known: Sequence[str] = SUFFIXES) -> None:
     """Raise unless meshes with this suffix are written."""
-    _require(suffix, SUFFIXES)
-
-
-def _require(suffix: str, known: Sequence[str]) -> None:
     if suffix.lower() not in known:
         raise checks.InputError(f"mesh files must end in one of {', '.join(known)}; got {suffix or 'no suffix'}")
 
@@ -186,7 +182,7 @@ def parse(data: bytes, suffix: str, folder: Path | None = None) -> Mesh:
     Raises:
       InputError: as `load`, without the file's name.
     """
-    _require(suffix, READ)
+    require_suffix(suffix, READ)
     if not _NOT_BLANK.search(data):
         raise checks.InputError("the file is empty")
     try:

@@ -1,13 +1,10 @@
 """g_v of a fitted field: trained against it, resumed like every training, and better than where it began."""
 
-import dataclasses
-
 import _models
 import pytest
 import torch
 from _support import assert_close
 
-from ddf.core import checks
 from ddf.fields import shape_field, udf
 from ddf.fit import closest_candidates
 from ddf.models import loop_config
@@ -47,8 +44,3 @@ def test_a_field_answers_for_any_leading_axes(shape):
     assert flat.normals is not None and shaped.normals is not None
     assert_close(shaped.normals.reshape(-1, 3), flat.normals)
     assert ask(positions, directions, False).normals is None
-
-
-def test_impossible_sizes_are_refused():
-    with pytest.raises(checks.InputError, match="steps and points must be >= 1; got 60 and 0"):
-        dataclasses.replace(CONFIG, points=0)

@@ -4,6 +4,7 @@ Our own reader: trimesh refuses lists of varying length, Open3D counts no words 
 both find `end_header` inside a comment. Only the properties that are asked for are kept.
 """
 
+import re
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from ddf.core import checks
 from ddf.geometry.formats import raw, text
 
 MAX_HEADER = 1 << 20  # bytes
+_LAST = {b"\n": re.compile(rb"\n[ \t]*end_header(?:[ \t][^\r\n]*)?(?:\r?\n|\Z)")}  # line of a header, by its line ends
+_LAST[b"\r"] = re.compile(rb"\r[ \t]*end_header(?:[ \t][^\r\n]*)?(?:\r|\Z)")
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2"}
 _TYPES |= {"uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "int64": "i8", "uint64": "u8"}
 _TYPES |= {"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}
@@ -72,14 +75,10 @@ def parse(data: bytes) -> raw.Raw:
     vertices = positions(found)
     sizes, corners = lists(found, "face")
     mesh = raw.of_polygons(vertices, sizes, corners)
-    strips, along = lists(found, "tristrips")
-    if len(strips) == 0:
-        return mesh
-    both = raw.of_polygons(vertices, np.full(0, 3), np.zeros(0, dtype=np.int64))
-    faces = _of_strips(strips, along)
-    if len(faces) and not (0 <= faces.min() and faces.max() < len(vertices)):
-        raise checks.InputError(f"a triangle strip uses vertex {faces.max()}, but there are only {len(vertices)}")
-    return raw.Raw(both.vertices, np.concatenate([mesh.faces, faces]), mesh.remarks)
+    strips = _of_strips(*lists(found, "tristrips"))
+    if len(strips) and not (0 <= strips.min() and strips.max() < len(vertices)):
+        raise checks.InputError(f"a triangle strip uses vertex {strips.max()}, but there are only {len(vertices)}")
+    return mesh._replace(faces=np.concatenate([mesh.faces, strips]))
 
 
 def oriented(data: bytes) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"] | None]:
@@ -106,15 +105,15 @@ def _read(data: bytes, wanted: Mapping[str, Sequence[str]]) -> _Found:
 
 
 def _check_vertices(header: Header) -> None:
-    own = next((element.properties for element in header.elements if element.name == "vertex"), None)
-    if own is None:
+    vertices = next((element for element in header.elements if element.name == "vertex"), None)
+    if vertices is None:
         raise checks.InputError("a PLY file must have an 'element vertex <count>'; this one has none")
-    raw.require_few(vertices=next(element.count for element in header.elements if element.name == "vertex"))
-    axes = [p for p in own if p.name in ("x", "y", "z")]
+    raw.require_few(vertices=vertices.count)
+    axes = [p for p in vertices.properties if p.name in ("x", "y", "z")]
     if any(p.length for p in axes):
         raise checks.InputError("x, y and z of the vertices of a PLY file must be plain number properties, not lists")
     if len(axes) < 3:
-        names = ", ".join(p.name[:20] for p in own[:20])
+        names = ", ".join(p.name[:20] for p in vertices.properties[:20])
         raise checks.InputError(f"the vertices of a PLY file must have x, y and z; got {names or 'nothing'}")
 
 
@@ -159,9 +158,9 @@ def _of_strips(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def header(data: bytes) -> Header:
     """The header, read line by line; the counts are compared with the bytes that follow."""
-    words, place, num_lines = _lines(data)
+    lines, place = _lines(data)
     forms, elements = [], []
-    for line in words:
+    for line in filter(None, (line.decode("utf-8", "replace").split() for line in lines)):
         if line[0] == "format" and len(line) >= 2:
             forms.append(line[1])
         elif line[0] == "element":
@@ -179,11 +178,11 @@ def header(data: bytes) -> Header:
             raise checks.InputError(f"element {element.name} claims {element.count} rows without properties")
         raw.require_room(element.name, element.count, least, left)
         left -= element.count * least
-    return Header(forms[0], elements, place, num_lines)
+    return Header(forms[0], elements, place, len(lines) + 2)
 
 
-def _lines(data: bytes) -> tuple[list[list[str]], int, int]:
-    """Words of the lines between `ply` and `end_header`, the place after it, and how many lines these are.
+def _lines(data: bytes) -> tuple[list[bytes], int]:
+    """The lines between `ply` and `end_header`, and the place after it.
 
     Lines end as the first one does: a body may begin with the byte of another line end.
     """
@@ -191,19 +190,10 @@ def _lines(data: bytes) -> tuple[list[list[str]], int, int]:
         raise checks.InputError("not a PLY file: no ply header")
     feed, back = data.find(b"\n", 0, MAX_HEADER), data.find(b"\r", 0, MAX_HEADER)
     end = b"\r" if back >= 0 and (feed < 0 or feed > back + 1) else b"\n"
-    words, place = [], data.find(end) + 1
-    while True:
-        stop = data.find(end, place, place + MAX_HEADER)
-        last = data[place : stop if stop >= 0 else place + 80].split()
-        if last[:1] == [b"end_header"]:
-            return words, stop + 1 if stop >= 0 else len(data), len(words) + 2
-        if stop < 0 or stop > MAX_HEADER:
-            raise checks.InputError("not a PLY file: no ply header that ends with the line 'end_header'")
-        if last:
-            words.append([word.decode("utf-8", "replace") for word in last])
-        else:
-            words.append(["comment"])
-        place = stop + 1
+    last = _LAST[end].search(data, 0, MAX_HEADER)
+    if last is None:
+        raise checks.InputError("not a PLY file: no ply header that ends with the line 'end_header'")
+    return data[: last.start()].split(end)[1:], last.end()
 
 
 def _element(line: list[str], before: list[Element]) -> Element:

@@ -33,22 +33,13 @@ def decoded(data: bytes) -> bytes:
     """
     if data.startswith(codecs.BOM_UTF8):
         return data[len(codecs.BOM_UTF8) :]
-    encoding = next((name for mark, name in _MARKS if data.startswith(mark)), None) or _unmarked(data)
+    encoding = next((name for mark, name in _MARKS if data.startswith(mark)), None)
     if encoding is None:
         return data
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as fault:
         raise checks.InputError(f"the text is marked as {encoding.upper()} and is not; save it as UTF-8") from fault
-
-
-def _unmarked(data: bytes) -> str | None:
-    """UTF-16 without a mark: in plain text every second byte is zero, and no other."""
-    head = data[: min(len(data), 4096) // 2 * 2]
-    even, odd = head[::2], head[1::2]
-    if len(head) >= 8 and not any(odd) and all(even):
-        return "utf-16-le"
-    return "utf-16-be" if len(head) >= 8 and not any(even) and all(odd) else None
 
 
 class Block(NamedTuple):

@@ -40,7 +40,6 @@ GOOD = {
     "bom.stl": b"\xef\xbb\xbf" + STL.encode(),
     "utf16.obj": OBJ.encode("utf-16"),
     "utf16be.obj": b"\xfe\xff" + OBJ.encode("utf-16-be"),
-    "utf16_unmarked.obj": OBJ.encode("utf-16-le"),
     "utf32.obj": OBJ.encode("utf-32"),
     "utf16.off": ("OFF\n" + OFF).encode("utf-16"),
     "utf16.stl": STL.encode("utf-16"),
