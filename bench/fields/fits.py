@@ -58,10 +58,15 @@ class Way:
     seconds: float
 
 
-def meshes() -> dict[str, mesh_io.Mesh]:
-    """By name; those from outside where they are."""
-    there = [measuring.REAL_MESHES / name for name in REAL if (measuring.REAL_MESHES / name).is_file()]
-    found = {file.name: mesh_io.load_surface(file) for file in there}
+def real(names: Sequence[str]) -> dict[str, mesh_io.Mesh]:
+    """Those from outside that are there."""
+    there = [measuring.REAL_MESHES / name for name in names if (measuring.REAL_MESHES / name).is_file()]
+    return {file.name: mesh_io.load_surface(file) for file in there}
+
+
+def made() -> dict[str, mesh_io.Mesh]:
+    """Those made here."""
+    found = {}
     for kind, make in _BUILDERS.items():
         shape = assemble.shape(make(np.random.default_rng(7)), np.random.default_rng(7))
         found[f"made {kind}"] = mesh_io.Mesh(shape.vertices, shape.triangles)
@@ -69,11 +74,8 @@ def meshes() -> dict[str, mesh_io.Mesh]:
     bars = [(axis, place) for axis in range(3) for place in itertools.product((-0.9, 0.0, 0.9), repeat=2)]
     cage = [_box(np.where(np.arange(3) == axis, 1.8, 0.03), np.insert(place, axis, 0)) for axis, place in bars]
     blades = [_box((1.6, 0.01, 0.4), (0, 0, 0), turn) for turn in np.linspace(0, np.pi, 5, endpoint=False)]
-    made = {"ring": ring, "cage": trimesh.util.concatenate(cage), "blades": trimesh.util.concatenate(blades)}
-    return {
-        **found,
-        **{f"made {name}": mesh_io.Mesh(np.array(m.vertices), np.array(m.faces)) for name, m in made.items()},
-    }
+    others = {"ring": ring, "cage": trimesh.util.concatenate(cage), "blades": trimesh.util.concatenate(blades)}
+    return found | {f"made {name}": mesh_io.Mesh(np.array(m.vertices), np.array(m.faces)) for name, m in others.items()}
 
 
 def _box(sides: npt.ArrayLike, centre: npt.ArrayLike, turn: float = 0.0) -> trimesh.Trimesh:
@@ -227,7 +229,7 @@ def main(*, seconds: float = SECONDS) -> measuring.Rows:
     """
     compile_patches()
     spheres = {f"sphere {count:,}": ray_casting.sphere(count) for count in GROWING}
-    for name, mesh in (meshes() | spheres).items():
+    for name, mesh in (real(REAL) | made() | spheres).items():
         tolerances = TOLERANCES[:1] if name in spheres else TOLERANCES
         fields = [patches(mesh, tolerance) for tolerance in tolerances]
         networks = [] if name in spheres else [sine(mesh, seconds)]

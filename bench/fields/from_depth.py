@@ -2,12 +2,11 @@
 
 32 pinhole cameras of 160 x 120 pixels around an object or in a room; ranges clean, or with a deviation of 1 %.
 `patches` is `ddf fit` of the rays, `patches of the mesh` that of the truth. Rivals' meshes are cast by Open3D: its
-scalable TSDF (VoxelBlockGrid: ScalableTSDFVolume of version 0.20 reads depths as millimetres and stays empty), its
-screened Poisson and its alpha shapes of the points; of several settings each, of those that take no longer than the
-patches, the one with the fewest wrong inner rays, which a user could not know. Depths are along the rays of 8 novel
-views; `wrong_inner` are percents of rays that begin where some camera saw free space, any way, whose visibility is
-wrong or whose depth is off by more than 0.02; `wrong_seen` of those that `Field.seen` vouches for. Lengths are in
-halves of the longest side.
+scalable TSDF (VoxelBlockGrid: ScalableTSDFVolume of version 0.20 reads depths as millimetres and stays empty) and its
+screened Poisson of the points; of several settings each, of those that take no longer than the patches, the one with
+the fewest wrong inner rays, which a user could not know. Depths are along the rays of 8 novel views; `wrong_inner` are
+percents of rays that begin where some camera saw free space, any way, whose visibility is wrong or whose depth is off
+by more than 0.02; `wrong_seen` of those that `Field.seen` vouches for. Lengths are in halves of the longest side.
 """
 
 import functools
@@ -15,7 +14,6 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,10 +29,9 @@ from ddf.geometry import fused_rays, mesh_io, raycast, rays, scans, sensors, uns
 
 OBJECTS = ("spot_23k.obj", "chair_kaykit_A.obj", "mug.stl", "teapot.obj", "airplane_airliner.obj")
 HEIGHT, WIDTH, VIEWS, NOVEL, NOISES, INNER, TRIED, OFF = 120, 160, 32, 8, (0.01, 0.0), 20_000, 50_000, 0.02
-LINES = ("patches", "TSDF", "Poisson", "alpha shapes", "patches of the mesh")  # of the page
+LINES = ("patches", "TSDF", "Poisson", "patches of the mesh")  # of the page
 INTRINSICS = sensors.default_intrinsics(HEIGHT, WIDTH)
 VOXELS, TRUNCATIONS, DEPTHS = (0.015, 0.02, 0.03), (3.0, 5.0), (6, 7)
-SPACINGS, ALPHAS = (0.03,), (2.0,)  # of alpha shapes: points apart, and alpha in these
 _FAR = 50.0  # depth of what is not there, for rivals that know no infinity
 
 Ask = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -166,10 +163,6 @@ def rivals(case: Case) -> Iterator[tuple[str, dict[str, Any], Callable[[], mesh_
             yield "TSDF", {"voxel": voxel, "truncation": truncation}, functools.partial(tsdf, case, voxel, truncation)
     for depth in DEPTHS:
         yield "Poisson", {"depth": depth}, functools.partial(poisson, case, depth)
-    for spacing in SPACINGS:
-        for alpha in ALPHAS:
-            made = functools.partial(alpha_shape, case, spacing, alpha * spacing)
-            yield "alpha shapes", {"spacing": spacing, "alpha": alpha}, made
 
 
 def tsdf(case: Case, voxel: float, truncation: float) -> mesh_io.Mesh:
@@ -189,54 +182,33 @@ def tsdf(case: Case, voxel: float, truncation: float) -> mesh_io.Mesh:
     return mesh_io.Mesh(found.vertex.positions.numpy(), found.triangle.indices.numpy())
 
 
-def _cloud(case: Case, spacing: float) -> Any:
-    """Hits, so far apart, with normals that face the cameras."""
+def poisson(case: Case, depth: int) -> mesh_io.Mesh:
+    """Screened Poisson of hits as far apart as its cells, with normals that face the cameras."""
     import open3d as o3d
 
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(case.scan.points))
     cloud.normals = o3d.utility.Vector3dVector(-case.scan.directions[case.scan.hit])
-    cloud = cloud.voxel_down_sample(spacing)
+    cloud = cloud.voxel_down_sample(2 / 2**depth)
     ways = np.asarray(cloud.normals).copy()
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(30))
     normals = np.asarray(cloud.normals)
-    cloud.normals = o3d.utility.Vector3dVector(normals * np.where((normals * ways).sum(1) < 0, -1.0, 1.0)[:, None])
-    return cloud
+    normals = normals * np.where((normals * ways).sum(1) < 0, -1.0, 1.0)[:, None]
+    return unsigned_surface.poisson(np.asarray(cloud.points), normals, depth)
 
 
-def poisson(case: Case, depth: int) -> mesh_io.Mesh:
-    """Screened Poisson of points as far apart as its cells."""
-    cloud = _cloud(case, 2 / 2**depth)
-    return unsigned_surface.poisson(np.asarray(cloud.points), np.asarray(cloud.normals), depth)
-
-
-def alpha_shape(case: Case, spacing: float, alpha: float) -> mesh_io.Mesh:
-    """Alpha shape of thinned points."""
-    import open3d as o3d
-
-    found = o3d.geometry.TriangleMesh.create_from_point_cloud_alpha_shape(_cloud(case, spacing), alpha)
-    return mesh_io.Mesh(np.asarray(found.vertices), np.asarray(found.triangles))
-
-
-def shapes(folder: Path) -> dict[str, tuple[mesh_io.Mesh, Callable[..., list[np.ndarray]]]]:
-    """By name: the mesh in [-1, 1]³, and where its cameras stand."""
-    there = {name: folder / name for name in OBJECTS if (folder / name).is_file()}
-    there = there or {file.name: file for file in sorted(folder.glob("*")) if file.suffix in mesh_io.READ}
-    made = {} if there else {name: mesh for name, mesh in fits.meshes().items() if name.startswith("made")}
-    objects = {name: mesh_io.load_surface(file) for name, file in there.items()} | made
+def shapes() -> dict[str, tuple[mesh_io.Mesh, Callable[..., list[np.ndarray]]]]:
+    """By name: the mesh in [-1, 1]³, and where its cameras stand. Synthetic objects where no others are there."""
+    objects = fits.real(OBJECTS) or fits.made()
     rooms = {"furnished room": showcase.furnished(0.5, (0, -0.5, 0)), "hall of five shapes": hall()}
     found = {name: (fit_folder.in_cube(mesh)[0], around) for name, mesh in objects.items()}
     return found | {name: (fit_folder.in_cube(mesh)[0], within) for name, mesh in rooms.items()}
 
 
-def main(*, folder: Path = measuring.REAL_MESHES) -> measuring.Rows:
-    """Every shape, clean and noisy, by every way.
-
-    Args:
-      folder: of meshes that stand for objects; without any, synthetic ones do.
-    """
+def main() -> measuring.Rows:
+    """Every shape, clean and noisy, by every way."""
     ball = raycast.Scene(ray_casting.sphere(1000))
     patches(look(ball, around(ball.mesh, 8, 1), 0.01))  # compiles
-    for noise, (name, (mesh, stand)) in itertools.product(NOISES, shapes(folder).items()):
+    for noise, (name, (mesh, stand)) in itertools.product(NOISES, shapes().items()):
         scene, poses = raycast.Scene(mesh), stand(mesh, VIEWS, 1)
         novel = look(scene, stand(mesh, NOVEL, 2), 0.0)
         yield from of_case(name, noise, Case(scene, poses, look(scene, poses, noise), novel, inner(scene, poses)))

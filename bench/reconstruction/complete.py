@@ -27,8 +27,10 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
+import trimesh
 from jaxtyping import Float
 from PIL import Image
+from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from bench.lib import measuring
@@ -44,7 +46,7 @@ from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
-from ddf.models import line_field, reconstruction_models
+from ddf.models import line_field
 from ddf.reconstruction import line_clouds
 from ddf_lab.evaluation import claims
 from ddf_lab.run import Run
@@ -128,13 +130,13 @@ class Solver:
 
     decoder: pddf.ConditionalPDDF
     prior: latent_prior.LatentPrior
-    images: line_field.TrainedImageDDF | reconstruction_models.TrainedDDF
+    images: line_field.TrainedImageDDF
     config: completion.CompletionConfig
 
     @classmethod
     def of(cls, folder: Path, config: completion.CompletionConfig) -> "Solver":
         """From the model's folder."""
-        shapes, images = latent_prior.load(folder), line_field.load_any(folder)
+        shapes, images = latent_prior.load(folder), line_field.load(folder)
         images.network.cpu().requires_grad_(False)
         return cls(shapes.decoder, shapes.prior.widest(config.axes), images, config)
 
@@ -155,17 +157,11 @@ class Solver:
             file = given.image(Path(folder))
             started = time.process_time()
             model, size, _ = self.images
-            pixels = shapenet.read_image(file, size)[None]
-            if isinstance(model, line_field.ImageDDFModel):
-                views = model.views(pixels, given.seen_from(0)[None])
-                seconds = time.process_time() - started
-                field = line_field.ImageField.of(model.decoder, views)
-                cloud = line_clouds.draw(field, POINTS, torch.Generator().manual_seed(SEED))
-                found = cloud_scores.compare_clouds(cloud.double().numpy() / line_field.FIELD_FROM_V1 * K, given.truth)
-            else:
-                latent = reconstruction_models.encode_batch(model, pixels)[1]
-                seconds = time.process_time() - started
-                found = self.scores([each[0] for each in model.modulations(latent)], given.place, given.truth)
+            views = model.views(shapenet.read_image(file, size)[None], given.seen_from(0)[None])
+            seconds = time.process_time() - started
+            field = line_field.ImageField.of(model.decoder, views)
+            cloud = line_clouds.draw(field, POINTS, torch.Generator().manual_seed(SEED))
+            found = cloud_scores.compare_clouds(cloud.double().numpy() / line_field.FIELD_FROM_V1 * K, given.truth)
         return _told(found) | {"seconds": seconds}
 
     def of_scan(self, given: Case, name: str, rng: np.random.Generator) -> dict[str, float]:
@@ -229,13 +225,9 @@ def pose_error(found: transforms.Similarity, true: transforms.Similarity) -> tup
 
 def off(place: transforms.Similarity, rng: np.random.Generator, turn_deg: float = TURN_DEG) -> transforms.Similarity:
     """A pose that is wrong by `turn_deg`, `GROWTH` and `SHIFT`, each one way or the other."""
-    axis, way = rng.normal(size=(2, 3))
-    axis, way = axis / np.linalg.norm(axis), way / np.linalg.norm(way)
-    cross = np.cross(np.eye(3), axis)
-    angle = np.radians(turn_deg)
-    turn = np.eye(3) + np.sin(angle) * cross.T + (1 - np.cos(angle)) * cross @ cross
-    left, _, right = np.linalg.svd(turn)
-    return place.compose(transforms.Similarity(1 + GROWTH * rng.choice([-1, 1]), left @ right, SHIFT * way))
+    axis, way = (each / np.linalg.norm(each) for each in rng.normal(size=(2, 3)))
+    turn = Rotation.from_rotvec(-np.radians(turn_deg) * axis).as_matrix()
+    return place.compose(transforms.Similarity(1 + GROWTH * rng.choice([-1, 1]), turn, SHIFT * way))
 
 
 def nearest(given: Case, known: Sequence[Float[np.ndarray, "n 3"]]) -> dict[str, float]:
@@ -267,12 +259,9 @@ def align(cloud: Float[np.ndarray, "n 3"], hits: Float[np.ndarray, "m 3"]) -> tu
 
 
 def similar(source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]) -> transforms.Similarity:
-    """The similarity of least squares. Source: Umeyama 1991."""
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    left, values, right = np.linalg.svd(b.T @ a / len(a))
-    signs = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
-    rotation, scale = (left * signs) @ right, float((values * signs).sum() / (a**2).sum(axis=1).mean())
-    return transforms.Similarity(scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0))
+    """The similarity of least squares."""
+    matrix, _, _ = trimesh.registration.procrustes(source, target, reflection=False)
+    return transforms.Similarity.of_matrix("similarity", matrix)
 
 
 def _told(scores: cloud_scores.CloudScores) -> dict[str, float]:
