@@ -28,12 +28,11 @@ def category_tables(
     ddf, sizes = models[scoring.DDF], scoring.cloud_sizes(models[scoring.PC_SIREN])
     if seed:
         retrieved = baselines.retrieval_choice(ddf, truths)
-        rows, oracle = baselines.Retrieval(truths, sizes, settings.seed, retrieved), {}
+        rows = baselines.Baselines(truths, sizes, settings.seed, retrieved)
     else:
         train_ids = [shape["id"] for shape in shapes if shape["train_views"]]
         validation_ids = [shape["id"] for shape in shapes if shape.get("validation_views")]
         rows = baselines.prepare(ddf, truths, train_ids, validation_ids, sizes, settings)
-        oracle = rows.oracle
     tests = {shape: [ddf.images[row] for row in own] for shape, own in scoring.views_by_shape(ddf.images).items()}
     scores = scoring.score_all(
         (truths[shape], scoring.model_cases(models, shape) + rows.cases(shape, images))
@@ -48,7 +47,7 @@ def category_tables(
             "spacing_variation": cloud_scores.spacing_variation(neighbours.Neighbours(truths[shape].points)),
             "oracle_id": chosen,
         }
-        for shape, chosen in oracle.items()
+        for shape, chosen in rows.oracle.items()
     ]
     return [scores, pd.concat(errors, ignore_index=True), pd.DataFrame(facts, columns=list(FACTS))]
 

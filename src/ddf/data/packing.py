@@ -191,7 +191,6 @@ class Cloud:
         start, end = shard["offsets"][row : row + 2]
         return cls(shard["points"][start:end], shard["hidden"][start:end].astype(bool))
 
-    def benchmark_points(self, visible_only: bool = False) -> Float[np.ndarray, "m 3"]:
-        """Points of a mesh in the v1 frame in the benchmark's, all of them or those that are not hidden."""
-        points = self.points[~self.hidden] if visible_only else self.points
-        return transforms.BENCHMARK_FROM_V1 * points.astype(np.float64)
+    def benchmark_points(self) -> Float[np.ndarray, "n 3"]:
+        """Points of a mesh in the v1 frame in the benchmark's."""
+        return transforms.BENCHMARK_FROM_V1 * self.points.astype(np.float64)

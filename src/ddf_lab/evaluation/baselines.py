@@ -7,7 +7,7 @@ shape ignores the image, and the ceiling is what a perfect method reaches with t
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import joblib
 import numpy as np
@@ -19,8 +19,7 @@ from ddf.geometry import neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import scoring
 
-MEAN_SHAPE, RETRIEVAL, ORACLE = "mean_shape", "retrieval", "oracle_retrieval"
-CEILING, CEILING_VISIBLE, VISIBLE_AGAINST_ALL = "ceiling", "ceiling_visible", "ceiling_visible_vs_all"
+MEAN_SHAPE, RETRIEVAL, ORACLE, CEILING = "mean_shape", "retrieval", "oracle_retrieval", "ceiling"
 
 Truths = Mapping[str, packing.Cloud]
 Images = Sequence[tuple[str, int]]
@@ -35,54 +34,37 @@ def subset(points: Float[np.ndarray, "n 3"], count: int, seed: int, name: str) -
 
 
 @dataclass(frozen=True)
-class Retrieval:
-    """The one baseline that depends on a training, through its features.
+class Baselines:
+    """All of one category, made by `prepare`.
 
-    sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466). retrieved: of `retrieval_choice`.
+    sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466). retrieved, mean, oracle: of
+    `retrieval_choice`, `mean_shape` and `oracle_choice`. Without a mean, retrieval alone: of a further training, which
+    changes nothing but its features.
     """
 
     truths: Truths
     sizes: Mapping[str, int]
     seed: int
     retrieved: Mapping[tuple[str, int], str]
+    mean: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict)
+    oracle: Mapping[str, str] = field(default_factory=dict)
 
     def cases(self, shape: str, images: Images) -> list[scoring.Case]:
-        """Those of all sizes for the images of one test shape."""
-        return [case for letter in self.sizes for case in self.column(shape, letter, images)]
-
-    def column(self, shape: str, letter: str, images: Images) -> list[scoring.Case]:
-        """Those with the number of points that `letter` stands for."""
-        return [scoring.Case(RETRIEVAL, f"Pi_g-{letter}", [i], self.points(self.retrieved[i], letter)) for i in images]
-
-    def points(self, shape: str, letter: str) -> Float[np.ndarray, "n 3"]:
-        """As many points of a true cloud as the size letter stands for."""
-        return _points(self.truths, shape, self.sizes[letter], self.seed)
-
-
-@dataclass(frozen=True)
-class Baselines(Retrieval):
-    """All of one category, made by `prepare`. mean, oracle: of `mean_shape` and `oracle_choice`."""
-
-    mean: Mapping[str, Float[np.ndarray, "n 3"]]
-    oracle: Mapping[str, str]
-
-    def column(self, shape: str, letter: str, images: Images) -> list[scoring.Case]:
-        """Those of all baselines. Ceilings are the truth against itself: all points, visible against visible, and
-        visible against all, which is what a perfect surface seen from outside reaches where some are hidden.
-        """
-        visible = self.truths[shape].benchmark_points(visible_only=True)
-        outside = subset(visible, min(self.sizes[letter], len(visible)), self.seed, shape)  # fewer may be in sight
-        found = [
-            scoring.Case(method, f"Pi_g-{letter}", images, cloud, visible_truth=method == CEILING_VISIBLE)
-            for method, cloud in (
-                (MEAN_SHAPE, self.mean[letter]),
-                (ORACLE, self.points(self.oracle[shape], letter)),
-                (CEILING, self.points(shape, letter)),
-                (CEILING_VISIBLE, outside),
-                (VISIBLE_AGAINST_ALL, outside),
-            )
-        ]
-        return [*found[:2], *super().column(shape, letter, images), *found[2:]]
+        """Those of all sizes for the images of one test shape. The ceiling is the truth against itself."""
+        found = []
+        for letter, count in self.sizes.items():
+            column = f"Pi_g-{letter}"
+            own = [
+                scoring.Case(RETRIEVAL, column, [image], _points(self.truths, self.retrieved[image], count, self.seed))
+                for image in images
+            ]
+            if self.mean:
+                best, truth = (_points(self.truths, name, count, self.seed) for name in (self.oracle[shape], shape))
+                own.insert(0, scoring.Case(MEAN_SHAPE, column, images, self.mean[letter]))
+                own.insert(1, scoring.Case(ORACLE, column, images, best))
+                own.append(scoring.Case(CEILING, column, images, truth))
+            found += own
+        return found
 
 
 def prepare(

@@ -111,25 +111,22 @@ def columns(
     ddf: Predictions, pc_siren: Predictions, ddf_image: Predictions
 ) -> list[tuple[str, str, Predictions, str, str]]:
     """(method, column, predictions, cloud name, camera) of the paper's columns that the files hold."""
-    cycles = _cycles(ddf)
+    cycles, both = _cycles(ddf), ("Pi_g", "Pi_pred")
     most = f".h{cycles[-1]}"
-    found = [(DDF, f"Pi_g-{size}", ddf, size + most, "Pi_g") for size in "LS"]
+    found = [(DDF, "Pi_g", ddf, most, "LS")]
     if "camera_corrected" in ddf.tensors:
-        found.append((DDF, "Pi_corrected-S", ddf, "S" + most, "Pi_corrected"))
-    found += [(DDF, f"Pi_pred-{size}", ddf, size + most, "Pi_pred") for size in "LS"]
-    both = [(camera, size) for camera in ("Pi_g", "Pi_pred") for size in "LS"]
-    found += [(PC_SIREN, f"{camera}-{size}", pc_siren, size, camera) for camera, size in both]
-    seen_from = (("Pi_g", "true"), ("Pi_pred", "pred"))  # the third model's clouds depend on the camera
-    found += [
-        (DDF_IMAGE, f"{camera}-{size}", ddf_image, f"{size}.{name}", camera)
-        for camera, name in seen_from
-        for size in "LS"
-    ]
+        found.append((DDF, "Pi_corrected", ddf, most, "S"))
+    found += [(DDF, "Pi_pred", ddf, most, "LS"), *((PC_SIREN, camera, pc_siren, "", "LS") for camera in both)]
+    found += [(DDF_IMAGE, "Pi_g", ddf_image, ".true", "LS"), (DDF_IMAGE, "Pi_pred", ddf_image, ".pred", "LS")]
     if 1 in cycles and len(cycles) > 1:
-        found += [(DDF_ONE_CYCLE, f"{camera}-{size}", ddf, f"{size}.h1", camera) for camera, size in both]
+        found += [(DDF_ONE_CYCLE, camera, ddf, ".h1", "LS") for camera in both]
     if "L.mask" in ddf.tensors:
-        found += [(DDF_ON_MASK, f"{camera}-{size}", ddf, f"{size}.mask", camera) for camera, size in both]
-    return found
+        found += [(DDF_ON_MASK, camera, ddf, ".mask", "LS") for camera in both]
+    return [
+        (method, f"{camera}-{size}", predictions, size + name, camera)
+        for method, camera, predictions, name, sizes in found
+        for size in sizes
+    ]
 
 
 def _cycles(ddf: Predictions) -> list[int]:
@@ -158,7 +155,6 @@ class Case:
     column: str
     images: Sequence[tuple[str, int]]
     prediction: Float[np.ndarray, "n 3"]
-    visible_truth: bool = False
 
 
 def views_by_shape(images: Sequence[tuple[str, int]]) -> dict[str, list[int]]:
@@ -198,15 +194,11 @@ def score_all(cases: Iterable[tuple[packing.Cloud, Sequence[Case]]], jobs: int |
 
 
 def _score_shape(cases: Sequence[Case], truth: packing.Cloud) -> list[dict]:
-    trees: dict[bool, neighbours.Neighbours] = {}
+    tree = neighbours.Neighbours(truth.benchmark_points(), f"truth of {cases[0].images[0][0]}")
     rows = []
     for case in cases:
-        if case.visible_truth not in trees:
-            points = truth.benchmark_points(case.visible_truth)
-            trees[case.visible_truth] = neighbours.Neighbours(points, f"truth of {case.images[0][0]}")
         name = f"{case.method} {case.column} of {case.images[0][0]} view {case.images[0][1]:02d}"
-        prediction = neighbours.Neighbours(case.prediction, name)
-        scores = cloud_scores.compare_clouds(prediction, trees[case.visible_truth]).to_dict()
+        scores = cloud_scores.compare_clouds(neighbours.Neighbours(case.prediction, name), tree).to_dict()
         rows += [{"method": case.method, "column": case.column, "id": i, "view": v, **scores} for i, v in case.images]
     return rows
 
@@ -217,19 +209,17 @@ def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
     """
     truth = predictions.tensors["camera_true"].astype(np.float64)
     scale_ratio = predictions.tensors["scale_pred"].astype(np.float64) / predictions.tensors["scale_true"]
+    ids, views = ([image[part] for image in predictions.images] for part in (0, 1))
     tables = []
     for column in ("Pi_pred", "Pi_corrected"):
         if CAMERA_COLUMNS[column] not in predictions.tensors:
             continue
         guess = predictions.tensors[CAMERA_COLUMNS[column]].astype(np.float64)
-        table = pd.DataFrame(predictions.images, columns=["id", "view"])
-        table.insert(0, "column", column)
-        table.insert(0, "method", method)
-        table["azimuth_deg"] = np.degrees(truth[:, 0]) % 360.0
-        for name, error in ERRORS.items():
-            table[name] = error.compute(guess, truth, scale_ratio)
+        table = {"method": method, "column": column, "id": ids, "view": views}
+        table |= {"azimuth_deg": np.degrees(truth[:, 0]) % 360.0}
+        table |= {name: error.compute(guess, truth, scale_ratio) for name, error in ERRORS.items()}
         table[OVERLAP] = predictions.tensors.get(OVERLAP, np.nan) if column == "Pi_pred" else np.nan
-        tables.append(table)
+        tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
 
 
