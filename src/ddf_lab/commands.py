@@ -49,7 +49,7 @@ def run(
         experiment = graph.experiment(config, changes)
         lines = graph.table(graph.expand(experiment, seeds))
         return {"stages": lines[1:], "table": lines, "verdict": f"{len(lines) - 1} stages of {experiment.name}"}
-    out = runner.run(config, changes, runner.Options(stage, seeds, jobs, data or None, launch)).as_posix()
+    out = runner.run(config, changes, stage, seeds, jobs, data or None, launch).as_posix()
     return {"out": out, "table": [], "verdict": out}
 
 

@@ -34,11 +34,7 @@ def read_mesh(path: str | Path) -> Mesh:
 
 
 def as_mesh(mesh: Any) -> Mesh:
-    """A mesh from a mesh, a path, or anything with `vertices` and `faces`.
-
-    Raises:
-      InputError: something else. FileNotFoundError: there is no such file.
-    """
+    """A mesh from a mesh, a path, or anything with `vertices` and `faces`."""
     if isinstance(mesh, Mesh):
         return mesh
     if isinstance(mesh, str | Path):

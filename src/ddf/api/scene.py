@@ -92,7 +92,10 @@ def compose(fields: Sequence[Field], transforms: Sequence[Any], soft: float | No
         raise checks.InputError(f"a scene needs fields and a transform for each; got {len(fields)}, {len(transforms)}")
     if soft is not None and not 0 < soft < float("inf"):
         raise checks.InputError(f"soft must be positive and finite, or None; got {soft}")
-    places = tuple(queries.require_similarity(matrix) for matrix in transforms)
+    places = [
+        each if isinstance(each, frames.Similarity) else frames.Similarity.of_matrix("a transform", each)
+        for each in transforms
+    ]
     return Scene(fields, places, blend=None if soft is None else scene_field.Blend(soft))
 
 
@@ -162,22 +165,12 @@ class SceneFile:
 
 
 def read_content(path: str | Path) -> SceneFile:
-    """The content of a scene file.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it is no YAML, or a key is unknown, missing or out of range.
-    """
+    """The content of a scene file."""
     return config.parse(config.read_yaml(path), SceneFile, f"{path}: scene")
 
 
 def build(content: SceneFile, folder: Path) -> Scene:
-    """The scene of a file's content; a field that is named several times is loaded once.
-
-    Args:
-      folder: that fields are looked for in.
-    Raises:
-      FileNotFoundError: there is no such field. InputError: as of `ddf.load`.
-    """
+    """The scene of a file's content, fields from a folder; one that is named several times is loaded once."""
     loaded = {name: load(field_beside(folder, name)) for name in {placement.field for placement in content.objects}}
     box = None if content.box is None else (np.array(content.box.lower), np.array(content.box.upper))
     blend = None if content.soft is None else scene_field.Blend(content.soft)

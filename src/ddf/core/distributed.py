@@ -25,7 +25,6 @@ from ddf.core import checks
 
 # torchrun ends all processes when one fails; until then, waiting for another that reads its data is no failure.
 PATIENCE = datetime.timedelta(days=1)
-_ENVIRONMENT = ("RANK", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT")  # beside WORLD_SIZE
 
 
 def launched() -> int:
@@ -48,8 +47,7 @@ def shared(run: Callable[..., None]) -> Callable[..., None]:
 
     All but the first process end with it: what follows, such as noting the stage's time, is done once.
 
-    Raises:
-      InputError: when called, if the variables that torchrun sets are incomplete, or a process has no GPU of its own.
+    InputError where a process has no GPU of its own.
     """
 
     @functools.wraps(run)
@@ -66,9 +64,6 @@ def shared(run: Callable[..., None]) -> Callable[..., None]:
 
 
 def _join() -> None:
-    missing = [name for name in _ENVIRONMENT if name not in os.environ]
-    if missing:
-        raise checks.InputError(f"WORLD_SIZE is {launched()}, but {', '.join(missing)} not set; start with torchrun")
     if torch.cuda.is_available():
         own, present = int(os.environ["LOCAL_RANK"]), torch.cuda.device_count()
         if own >= present:

@@ -166,12 +166,8 @@ def _backend() -> Iterator[None]:
     if not address:
         yield
         return
-    try:
-        from dask import distributed
-    except ImportError as error:
-        raise checks.InputError(
-            "DASK_SCHEDULER_ADDRESS is set, but dask.distributed is not installed; install it or unset the variable"
-        ) from error
+    from dask import distributed
+
     with distributed.Client(address, timeout=SCHEDULER_SECONDS), joblib.parallel_config(backend="dask"):
         yield
 

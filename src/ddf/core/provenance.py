@@ -10,6 +10,7 @@ import functools
 import hashlib
 import json
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -25,7 +26,7 @@ Modules = str | ModuleType | Sequence[str | ModuleType]
 
 
 def fingerprint(section: Any, sources: Iterable[str | Path] = (), module: Modules = ()) -> str:
-    """Hex digest over a config section, the contents of source files and folders, and a code version; see `record`."""
+    """That of a `record`."""
     return record(section, 0, sources, module)["fingerprint"]
 
 
@@ -35,24 +36,19 @@ def record(section: Any, seed: int, sources: Iterable[str | Path] = (), module: 
     Args:
       section: a dataclass, or a list or dict of dataclasses and plain values.
       sources: files or folders; their contents count in the fingerprint, their places do not.
-      module: one or more modules of the packages, as names or module objects, whose import closure counts.
+      module: one or more imported modules of the packages, as names or module objects, whose import closure counts.
     """
-    modules = [module] if isinstance(module, str | ModuleType) else list(module)
-    names = [item if isinstance(item, str) else item.__name__ for item in modules]
+    modules = [module] if isinstance(module, str | ModuleType) else module
+    used = (sys.modules[each] if isinstance(each, str) else each for each in modules)
+    code = _hash_of({file for each in used for file in import_closure(str(each.__file__))})
     sums = {Path(path).as_posix(): storage.checksum(path) for path in sources}
-    content = {"config": _plain(section), "sources": [*sums.values()], "code": code_version(tuple(sorted(names)))}
+    content = {"config": _plain(section), "sources": [*sums.values()], "code": code}
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
     return {"fingerprint": digest, "seed": seed, "sources": sums}
 
 
-@functools.cache
-def code_version(modules: tuple[str, ...]) -> str:
-    """Hash of the syntax trees, docstrings left out, of everything the named modules import from the packages."""
-    return _hash_of({file for name in modules for file in import_closure(module_file(name))})
-
-
 def script_version(script: str | Path, without: str) -> str:
-    """The same of a script outside the packages and of all that it imports from them but one room."""
+    """Code version of a script outside the packages and of all that it imports from them but one room."""
     closure = (file for file in import_closure(script) if not file.is_relative_to(SOURCES / without))
     return _hash_of({*closure, Path(script).resolve()})
 
@@ -80,15 +76,6 @@ def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
     """
     read = _read(Path(file), Path(file).stat().st_mtime_ns)
     return sorted(read.imports | read.for_types if typing else read.imports)
-
-
-def module_file(name: str) -> Path:
-    """The file of a module of the package, by its dotted name."""
-    files = _package_files(name)
-    expected = SOURCES.joinpath(*name.split("."))
-    if not files or files[-1] not in (expected.with_suffix(".py"), expected / "__init__.py"):
-        raise ValueError(f"{name} is not a module of {SOURCES}")
-    return files[-1]
 
 
 class _Read(NamedTuple):
@@ -139,6 +126,7 @@ def _inside(file: Path) -> bool:
 
 
 def _hash_of(files: Iterable[Path]) -> str:
+    """Of their syntax trees, docstrings left out."""
     digest = hashlib.sha256()
     for file in sorted(files):
         place = file.relative_to(SOURCES).as_posix() if _inside(file) else file.name

@@ -5,15 +5,15 @@ is nothing to do (`stage.note`). Where one fails, those that do not need it go o
 so that it counts as an input: the data's folder, the number of seeds, checksums of the mesh of a fit and of own shapes.
 """
 
+import graphlib
 import os
 import shutil
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent import futures
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,49 +24,45 @@ from ddf_lab.engine import graph, stage
 from ddf_lab.run import Run, class_of
 
 LOCK = Path(".make/lock")  # one run at a time in a folder
-DRAW_SECONDS, LOG_SECONDS = 0.2, 60.0  # between two states of a progress bar, on a terminal and in a log
+DRAW_SECONDS, LOG_SECONDS = 0.5, 60.0  # between two states of a progress bar, on a terminal and in a log
 
 
-@dataclass(frozen=True)
-class Options:
-    """How an experiment runs. stages: the last ones wanted; none: the report. seeds: trainings of each model.
-
-    jobs: trainings side by side. data: root of real data, remembered from run to run. launch: put before trainings.
-    """
-
-    stages: Sequence[str] = ()
-    seeds: int = 1
-    jobs: int = 1
-    data: str | None = None
-    launch: str = ""
-
-
-def run(given: str, changes: Sequence[str], options: Options) -> Path:
+def run(
+    given: str,
+    changes: Sequence[str] = (),
+    stages: Sequence[str] = (),
+    seeds: int = 1,
+    jobs: int = 1,
+    data: str | None = None,
+    launch: str = "",
+) -> Path:
     """Make what is missing or out of date; the page of the report, or the folder of the artefacts.
 
     Args:
-      given, changes: as `graph.experiment` takes them.
+      given, changes: as `graph.experiment` takes them. stages: the last ones wanted; none: the report.
+      seeds: trainings of each model. jobs: trainings side by side. launch: put before trainings.
+      data: root of real data, remembered from run to run.
     Raises:
       InputError: for input at fault, and where a stage failed, which has then said why.
     """
     graph.load()
     with processes.locked(LOCK, "another run holds this folder (process {number})") as descriptor:
         experiment = graph.experiment(given, changes)
-        items = graph.expand(experiment, options.seeds)
+        items = graph.expand(experiment, seeds)
         names = list(dict.fromkeys(item.stage for item in items))
-        stages = options.stages or names[-1:]
+        stages = stages or names[-1:]
         for each in stages:
             if each not in names:
                 raise checks.InputError(f"{experiment.file} has no stage {each!r}; its stages are {', '.join(names)}")
-        _record(experiment, options)
-        work = _Work(experiment, options, descriptor)
-        failed = schedule(graph.needed(items, stages), options.jobs, work.run, work.stop)
+        _record(experiment, seeds, data)
+        work = _Work(experiment.root / "data_root", launch, descriptor)
+        failed = schedule(graph.needed(items, stages), jobs, work.run, work.stop)
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
     return experiment.page / "README.md" if names[-1] in stages else experiment.root
 
 
-def _record(experiment: Run, options: Options) -> None:
+def _record(experiment: Run, seeds: int, data: str | None) -> None:
     """Write down what items depend on and no stage makes."""
     folder = experiment.root
     if experiment.kind == "shape":
@@ -75,7 +71,7 @@ def _record(experiment: Run, options: Options) -> None:
         found = storage.checksum(path) if path and path.is_file() else "no file"
         graph.write(folder / "mesh.sha256", f"{found}\n")
     elif experiment.kind != "figures":
-        graph.write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
+        graph.write(folder / "evaluate_seeds" / "count", f"{seeds}\n")
         if experiment.kind == "reconstruction":
             train, how = (experiment.section(class_of(name)) for name in ("train", "ddf_image"))
             starts = [how.started(train, category)[2] for category in experiment.categories]
@@ -85,8 +81,8 @@ def _record(experiment: Run, options: Options) -> None:
         own = experiment.section(class_of("dataset")).own
         if own and (table := own.expanduser() / manifest.FILE).is_file():
             graph.write(root, f"{storage.checksum(table)}\n")
-        elif options.data is not None:
-            graph.write(root, f"{Path(options.data).expanduser().absolute()}\n")
+        elif data is not None:
+            graph.write(root, f"{Path(data).expanduser().absolute()}\n")
         elif not root.is_file():
             graph.write(root, remembered.read_text(encoding="utf-8") if remembered.is_file() else "\n")
 
@@ -102,47 +98,46 @@ def schedule(
     Returns:
       The items that failed or were left out because of one that did; first those that failed, as they ended.
     """
-    waiting = sorted(items, key=lambda item: item.seed)
+    order = sorted(items, key=lambda item: item.seed)
+    graph_of = graphlib.TopologicalSorter({each: [other for other in items if each.follows(other)] for each in items})
+    graph_of.prepare()
+    ready, failed, succeeded = list[graph.Item](), list[graph.Item](), set[graph.Item]()
     running: dict[futures.Future[bool], graph.Item] = {}
-    failed, left = list[graph.Item](), list[graph.Item]()
 
     def may_start(item: graph.Item) -> bool:
         together = item.entry.together
         room = len(running) < (jobs if together == "jobs" else together)
-        alike = all(other.entry.together == together for other in running.values())
-        return room and alike and not any(item.follows(other) for other in (*running.values(), *waiting))
+        return room and all(other.entry.together == together for other in running.values())
 
     with futures.ThreadPoolExecutor(max(1, len(items))) as pool:
         try:
-            while waiting or running:
-                for item in list(waiting):
-                    if any(item.follows(other) for other in (*failed, *left)):
-                        waiting.remove(item)
-                        left.append(item)
-                    elif may_start(item):
-                        waiting.remove(item)
-                        running[pool.submit(start, item)] = item
+            while (ready := sorted((*ready, *graph_of.get_ready()), key=order.index)) or running:
+                for item in filter(may_start, tuple(ready)):
+                    ready.remove(item)
+                    running[pool.submit(start, item)] = item
                 for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
                     item = running.pop(future)
-                    if not future.result():
+                    if future.result():
+                        succeeded.add(item)
+                        graph_of.done(item)
+                    else:
                         failed.append(item)
         except KeyboardInterrupt:
             stop()  # before the threads are waited for
             raise
-    return failed + left
+    return failed + [item for item in order if item not in succeeded and item not in failed]
 
 
 class _Work:
     """Stages as child processes, which hold the lock of the folder for as long as they live."""
 
-    def __init__(self, experiment: Run, options: Options, descriptor: int) -> None:
-        root = experiment.root / "data_root"
+    def __init__(self, root: Path, launch: str, descriptor: int) -> None:
         self._environment = {
             **{name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",
             "PYTHONUNBUFFERED": "1",
             "DDF_DATA": root.read_text(encoding="utf-8").rstrip("\n") if root.is_file() else "",
-            "LAUNCH": options.launch,
+            "LAUNCH": launch,
             "PET_NO_PYTHON": "1",  # torchrun in LAUNCH starts the command behind it, which is not a script
         }
         self._descriptor = descriptor
@@ -180,54 +175,34 @@ class _Work:
 class Console:
     """Writes what processes that run side by side say, in whole lines.
 
-    On a terminal the states of all progress bars stand in one line below. In a log a bar is written once a minute, and
-    its last state.
+    On a terminal their progress bars take turns in one line below. In a log a bar is written once a minute, and its
+    last state.
     """
 
     def __init__(self, stream: Any) -> None:
-        self._stream, self._terminal = stream, stream.isatty()
-        self._lock = threading.Lock()
-        self._states: dict[int, str] = {}
-        self._shown: dict[int, float] = {}
+        self._stream, self._lock = stream, threading.Lock()
+        self._terminal = stream.isatty()
 
     def relay(self, descriptor: int) -> None:
         """Read a process's output to its end."""
-        rest = b""
+        rest, shown = b"", time.monotonic()
         while block := os.read(descriptor, 65536):
             *lines, rest = (rest + block).split(b"\n")
             for line in lines:
-                self._line(descriptor, _last_state(line))
+                self._write(line)
             if b"\r" in rest:
                 rest = b"\r" + rest.rsplit(b"\r", 1)[1]
-                self._state(descriptor, _last_state(rest))
-        self._line(descriptor, _last_state(rest))
-        self._shown.pop(descriptor, None)
+                if time.monotonic() - shown >= (DRAW_SECONDS if self._terminal else LOG_SECONDS):
+                    self._write(rest, stays=not self._terminal)
+                    shown = time.monotonic()
+        self._write(rest)
 
-    def _line(self, source: int, text: str) -> None:
-        with self._lock:
-            self._states.pop(source, None)
-            if text:
-                self._stream.write(f"\r\x1b[K{text}\n" if self._terminal else f"{text}\n")
-            self._draw()
-
-    def _state(self, source: int, text: str) -> None:
-        with self._lock:
-            self._states[source], now = text, time.monotonic()
-            if now - self._shown.setdefault(source, now) >= (DRAW_SECONDS if self._terminal else LOG_SECONDS):
-                self._shown[source] = now
-                if not self._terminal:
-                    self._stream.write(f"{text}\n")
-                self._draw()
-
-    def _draw(self) -> None:
-        if self._terminal and self._states:
-            width = shutil.get_terminal_size().columns - 1
-            share = max(20, width // len(self._states) - 3)
-            self._stream.write("\r\x1b[K" + " | ".join(state[:share] for state in self._states.values())[:width])
-        self._stream.flush()
-
-
-def _last_state(line: bytes) -> str:
-    """What a line shows at its end: the text after its last carriage return that is followed by any."""
-    states: Iterable[str] = (part.strip() for part in reversed(line.decode("utf-8", "replace").split("\r")))
-    return next(filter(None, states), "")
+    def _write(self, line: bytes, stays: bool = True) -> None:
+        """What a line shows at its end: the text after its last carriage return that is followed by any."""
+        states = (part.strip() for part in reversed(line.decode("utf-8", "replace").split("\r")))
+        if text := next(filter(None, states), ""):
+            if self._terminal:
+                text = "\r\x1b[K" + text[: None if stays else shutil.get_terminal_size().columns - 1]
+            with self._lock:
+                self._stream.write(text + "\n" if stays else text)
+                self._stream.flush()

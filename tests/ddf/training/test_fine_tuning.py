@@ -94,13 +94,13 @@ def test_other_weights_at_the_start_are_another_input_of_the_stage(trained, tmp_
     monkeypatch.chdir(tmp_path)
     sections = {"dataset": {"source": "synthetic", "categories": {"chair": 2}}, "train": {"image_size": 32}}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump({**sections, "ddf_image": {"start": str(trained)}}))
-    noted, options = tmp_path / "artifacts" / "mine" / "start.sha256", runner.Options((), 1, 1)
+    noted = tmp_path / "artifacts" / "mine" / "start.sha256"
     experiment = run.Run.read("mine.yaml")
-    runner._record(experiment, options)
+    runner._record(experiment, 1, None)
     before = noted.read_text()
     assert before == f"{storage.checksum(trained / model_files.MODEL)}\n"
     tensors, record = storage.load_tensors(trained / model_files.MODEL, "torch")
     tensors["decoder.head.bias"] += 1
     storage.save_tensors(trained / model_files.MODEL, tensors, record)
-    runner._record(experiment, options)
+    runner._record(experiment, 1, None)
     assert noted.read_text() != before
