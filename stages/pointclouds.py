@@ -24,7 +24,7 @@ def make(run: Run) -> None:
         category_data.read_images(dataset, run.category, category_data.available(samples_dir, views), train.image_size)
         for views in (
             category_data.test_views(dataset, run.category, section.test_views, section.public_views),
-            dataset.train(run.category),
+            dataset.views(run.category, "train"),
         )
     )
     shapes = category_data.read_shapes(samples_dir, test.ids)
@@ -39,7 +39,7 @@ def make(run: Run) -> None:
         )
         if name == "ddf":
             ddf = reconstruction_models.load_ddf(folder).network
-            features = reconstruction_models.image_features(ddf, train_images)
+            features = reconstruction_models.image_stages(ddf, train_images)[-1]
             given = (ddf, test, section, run.label, mask_descent.latent_deviation(ddf, features))
             tensors, facts = many_images.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row

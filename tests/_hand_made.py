@@ -18,7 +18,7 @@ DDF = reconstruction_settings.DDFConfig(
     reconstruction_settings.FieldConfig("softplus", 20.0), 5, 2e-3, COUNTS, _models.WEIGHTS, 10.0, 16, 20
 )
 PCSIREN = reconstruction_settings.PCSirenConfig(5, 50, 70)
-CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 1000)
+CLOUD = cloud_projection.CloudConfig(8, 2, 0.0, (), None, 0.05, 0.05)
 POINTCLOUDS = reconstruction_settings.PointcloudsConfig(
     CLOUD,
     reconstruction_settings.CorrectionConfig(2, 0.05, 16, reconstruction_settings.CAMERA_NUMBERS),

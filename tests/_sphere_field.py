@@ -9,13 +9,11 @@ from ddf.fields import cloud_projection, pddf
 CONFIG = cloud_projection.CloudConfig(  # the paper's way
     num_directions=128,
     cycles=3,
-    oversampling=0.1,
     jitter=0.0,
     recheck=(),
     spread=None,
     temperature=0.05,
     inverse_depth=0.01,
-    chunk_rays=4096,
 )
 RADIUS = 0.6
 

@@ -62,7 +62,7 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
 def _seen(run: Run, dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
     """The real shapes that trained a category, each as often as it did: with its variations."""
     rows = {row.id: row for row in run.section(class_of("dataset")).rows() if row.category == category}
-    return [rows[name] for shape, _ in dataset.train(category) if (name := shape.partition("--")[0]) in rows]
+    return [rows[name] for shape, _ in dataset.views(category, "train") if (name := shape.partition("--")[0]) in rows]
 
 
 def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, Any]:
@@ -113,11 +113,11 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     weights = write_weights(trained, out, record)
     if (run.folder("train_ddf", name) / model_files.MODEL).exists():
         latent_prior.write(run.folder("train_ddf", name), out)
-    for number, (shape, views) in enumerate(dataset.test(name)[:SAMPLES]):
+    for number, (shape, views) in enumerate(dataset.views(name, "test")[:SAMPLES]):
         image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
     told = other_kinds.tell_apart(out, name, run.root / "kinds")
-    seen, shapes = _seen(run, dataset, name), dataset.train(name)
+    seen, shapes = _seen(run, dataset, name), dataset.views(name, "train")
     write_sources(seen, out / SOURCES)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
     if seen:

@@ -110,7 +110,7 @@ def split(
         for synset, shapes in classes.items()
     }
     pairs = [(synset, shape) for synset, shapes in classes.items() for shape in shapes]
-    result["straddling"] = [f"{synset}/{shape.id}" for synset, shape in pairs if shape.straddles]
+    result["straddling"] = [f"{synset}/{shape.id}" for synset, shape in pairs if shape.train_views and shape.test_views]
     result["table"] = results.grid(
         ("class", "shapes", "train views", "test views"),
         [(synset, *counts.values()) for synset, counts in result["classes"].items()],

@@ -14,7 +14,7 @@ from ddf.geometry import raycast
 from ddf.geometry.formats import polygons
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
 
-TOLERANCE = 1e-5  # of the diagonal: the noise of float32 far from the origin; ten times less than any real detail
+TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
 _BLOCK = 1 << 16  # edges at once: each meets a few triangles along its line
 
 
@@ -25,18 +25,10 @@ def pierced(mesh: Mesh) -> Int[np.ndarray, "k 2"]:
     scene = raycast.Scene(mesh)
     edges = np.unique(np.sort(_edges(mesh.faces), axis=1), axis=0)
     local, least = scene.local(mesh.vertices), TOLERANCE * mesh.diagonal() / scene.scale
-    found = [
-        block[
-            _deep(
-                local,
-                mesh.faces,
-                block,
-                *scene.met_along(*mesh.vertices[block.T]),
-                least,
-            )
-        ]
-        for block in np.split(edges, range(_BLOCK, len(edges), _BLOCK))
-    ]
+    found = []
+    for block in np.split(edges, range(_BLOCK, len(edges), _BLOCK)):
+        edge, face = scene.met_along(*mesh.vertices[block.T])
+        found.append(block[_deep(local, mesh.faces, block, edge, face, least)])
     return np.concatenate(found)
 
 
@@ -68,8 +60,6 @@ def _deep(
     return edge[within > least]
 
 
-_WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
-
 _MOST_PIECES = 1000  # more are a soup; and twice as many pairs whose boxes meet
 
 
@@ -89,7 +79,7 @@ def clean(mesh: Mesh) -> Mesh:
         raise checks.InputError("no triangle has an area: nothing to close")
     if is_watertight(exact):
         return exact
-    tolerant = _weld(exact, _WELD_TOLERANCE * exact.diagonal())
+    tolerant = _weld(exact, TOLERANCE * exact.diagonal())
     closed = _without_repeats(tolerant)
     if len(closed.faces) and is_watertight(closed):
         return closed
@@ -224,7 +214,7 @@ def nesting(mesh: Mesh) -> Bool[np.ndarray, "pieces pieces"] | None:
     lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(lower, label, mesh.vertices)
     np.maximum.at(upper, label, mesh.vertices)
-    least = _WELD_TOLERANCE * mesh.diagonal()
+    least = TOLERANCE * mesh.diagonal()
     gap = np.maximum(lower[:, None] - upper[None], lower[None] - upper[:, None]).max(axis=-1)
     np.fill_diagonal(gap, np.inf)
     pairs = np.argwhere(gap <= least)

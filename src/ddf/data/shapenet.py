@@ -25,7 +25,6 @@ from ddf.geometry import cameras
 
 MODELS, RENDERS = "ShapeNetCore.v1", "ShapeNetRendering"  # folders of a root
 METADATA = "rendering_metadata.txt"  # of the renders of a shape
-NUM_VIEWS = 24
 SYNSETS = {
     "plane": "02691156",
     "bed": "02818832",
@@ -204,11 +203,6 @@ class ShapeEntry:
     test_views: tuple[int, ...]
     validation_views: tuple[int, ...] = ()
 
-    @property
-    def straddles(self) -> bool:
-        """Whether some of its views train and others test."""
-        return bool(self.train_views and self.test_views)
-
 
 @dataclass(frozen=True)
 class CategoryEntry:
@@ -244,18 +238,10 @@ class Dataset:
             raise checks.InputError(f"category {name!r} is not in the data set; it has {', '.join(self.categories)}")
         return self.categories[name]
 
-    def train(self, category: str) -> list[tuple[str, tuple[int, ...]]]:
-        """Ids of the category's train shapes with their train views, in order."""
-        return [(shape.id, shape.train_views) for shape in self.category(category).shapes if shape.train_views]
-
-    def test(self, category: str) -> list[tuple[str, tuple[int, ...]]]:
-        """Ids of the category's test shapes with their test views, in order."""
-        return [(shape.id, shape.test_views) for shape in self.category(category).shapes if shape.test_views]
-
-    def validation(self, category: str) -> list[tuple[str, tuple[int, ...]]]:
-        """Ids of the category's validation shapes with their views, in order; they neither train nor test."""
-        shapes = self.category(category).shapes
-        return [(shape.id, shape.validation_views) for shape in shapes if shape.validation_views]
+    def views(self, category: str, side: str) -> list[tuple[str, tuple[int, ...]]]:
+        """Ids of the category's shapes with their views on a side (train, test, validation), in order."""
+        found = ((shape.id, getattr(shape, f"{side}_views")) for shape in self.category(category).shapes)
+        return [(name, views) for name, views in found if views]
 
     def model(self, category: str, shape_id: str) -> Path:
         """The mesh file of a shape."""

@@ -43,6 +43,7 @@ from ddf.core.schema import fixed, setting
 from ddf.fields import udf
 from ddf.fields.pddf import PDDF, visibility
 
+OVERSAMPLING = 0.1  # ε_p
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
 GROUP, SPACING_ROWS = 16, 32  # points in a group and rows at a time of `_spacing`; speed only
 SPACING_VALUES = 2**27  # distances at a time of `_spacing` on a GPU
@@ -56,15 +57,10 @@ Box = tuple[Sequence[float], Sequence[float]]  # lower and upper corner
 
 @dataclass(frozen=True)
 class CloudConfig(schema.Checked):
-    """How clouds are drawn; all defaults are the paper's way.
-
-    oversampling: ε_p; with `spread` and several cycles it may be negative, for all points of the second and later
-    cycles are candidates. chunk_rays: candidates evaluated at a time, which is memory and speed alone; None: by device.
-    """
+    """How clouds are drawn; all defaults are the paper's way."""
 
     num_directions: int = setting(128, "n_v, directions that a point tries", "§4.3", least=1)
     cycles: int = fixed(3, least=1)
-    oversampling: float = 0.1
     jitter: float = setting(0.0, "σ, field units: spread of a cycle's starts about the last hits", "§4.3", least=0)
     recheck: tuple[float, ...] = setting(
         (), "field units: offsets from which a hit is asked for again from both sides", "§4.3"
@@ -77,7 +73,6 @@ class CloudConfig(schema.Checked):
     )
     temperature: float = setting(0.1, "η_T of the directions' weights", above=0)
     inverse_depth: float = setting(0.1, "ε_s of the directions' weights", above=0)
-    chunk_rays: int | None = fixed(None, least=1)
     crowding: float = setting(
         0.0, "power by which candidates with empty surroundings are taken later in that order", "app. si3dr", least=0
     )
@@ -89,23 +84,8 @@ class CloudConfig(schema.Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "recheck", tuple(self.recheck))
-        if not self.candidate_share(self.cycles) >= 1:
-            raise checks.InputError(
-                "oversampling must leave enough candidates: 1 + oversampling, with spread times cycles - 1, "
-                f"must be >= 1; got {self.candidate_share(self.cycles):.4g} with oversampling {self.oversampling}"
-            )
         if not all(0 < offset < 1 for offset in self.recheck):
             raise checks.InputError(f"recheck must list offsets in (0, 1); got {list(self.recheck)}")
-
-    def candidate_share(self, cycles: int) -> float:
-        """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
-        if self.spread is None:
-            return 1 + self.oversampling
-        return (1 + self.oversampling) * max(1, cycles - 1) + 1e-9  # for rounding
-
-    def num_drawn(self, count: int) -> int:
-        """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""
-        return _ceil(count * (1 + self.oversampling))
 
 
 @dataclass(frozen=True)
@@ -125,8 +105,7 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
     """
     if config.spread is None:
         last = cycles[-1]
-        drawn = [config.num_drawn(count) for count in counts]
-        best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
+        best = (last.visibility[: num_drawn(count)].topk(count).indices for count in counts)
         return [last.points[rows] for rows in best]
     points, confidence = candidates(cycles)
     trusted = _trusted(confidence, config.least_confidence, max(counts))
@@ -163,9 +142,9 @@ def _trusted(confidence: Float[Tensor, "n"], least: float, count: int) -> Int[Te
     return (confidence >= enough.clamp_max(least)).nonzero()[:, 0]
 
 
-def _ceil(count: float) -> int:
-    """Rounded up; the small number keeps 1.1 x 100 = 110.00000000000001 from becoming 111."""
-    return math.ceil(count - 1e-6)
+def num_drawn(count: int) -> int:
+    """(1 + ε_p) n_p, the points that are projected for a cloud of `count`, but for rounding of 1.1."""
+    return math.ceil(count * (1 + OVERSAMPLING) - 1e-6)
 
 
 def _spacing(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
@@ -203,7 +182,7 @@ def project(
       aimed: share of the directions that go to random points of the box; the others are uniform.
     """
     parts: list[tuple[Tensor, Tensor, Tensor]] = []
-    for chunk in points.split(max(1, (config.chunk_rays or CHUNK_RAYS[points.device.type]) // config.num_directions)):
+    for chunk in points.split(max(1, CHUNK_RAYS[points.device.type] // config.num_directions)):
         shape = (len(chunk), config.num_directions, 3)
         towards = torch.randn(shape, generator=generator, dtype=points.dtype, device=points.device)
         if aimed:
@@ -289,7 +268,7 @@ def sample(
     """
     weight = field.network.head.weight
     lower, upper = _corners(box, weight)
-    shape = (config.num_drawn(count), 3)
+    shape = (num_drawn(count), 3)
     unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
     points = lower + (upper - lower) * unit
     cycles = [_in_box(project(field, modulations, points, config, generator, box, config.aimed), lower, upper)]

@@ -133,16 +133,6 @@ def tangent_states(
     return states
 
 
-def tangent(
-    network: siren.SineNetwork,
-    slopes: Sequence[Float[Tensor, "*shapes n _"]],
-    directions: Float[Tensor, "*shapes n 3"],
-    rows: slice = slice(None),
-) -> Float[Tensor, "*shapes n rows"]:
-    """∇_p y · t for the chosen rows of the head, all at once; t may have any length."""
-    return nn.functional.linear(tangent_states(network, slopes, directions)[-1] * slopes[-1], network.head.weight[rows])
-
-
 def hessian_form(
     bends: Sequence[Float[Tensor, "*shapes n _"]],
     adjoints: Sequence[Float[Tensor, "*shapes n _"]],

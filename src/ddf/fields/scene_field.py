@@ -211,7 +211,6 @@ def _box_distance(field: framed_field.FramedField, positions: Float[np.ndarray, 
     return np.linalg.norm(beyond, axis=-1) / field.field_from_mesh.scale
 
 
-UP = {"y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 _UPRIGHT = 1e-6  # |up x way| below this: the camera looks straight up or down
 
 
@@ -231,9 +230,10 @@ class LookAt:
         """Starts and unit directions through the pixel centres of a picture, rows from the top."""
         backwards = self.position - self.target
         backwards = backwards / np.linalg.norm(backwards)
-        right = np.cross(UP[up], backwards)
+        above = framed_field.upright(up)[:, 1]
+        right = np.cross(above, backwards)
         if np.linalg.norm(right) < _UPRIGHT:
-            right = np.cross(np.roll(UP[up], 1), backwards)
+            right = np.cross(np.roll(above, 1), backwards)
         right = right / np.linalg.norm(right)
         rows = np.stack([right, np.cross(backwards, right), backwards])
         directions = cameras.pixel_directions(size, np.zeros(0)).reshape(-1, 3) @ rows

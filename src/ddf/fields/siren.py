@@ -43,9 +43,7 @@ ACTIVATIONS = {
 }
 
 
-SOFTPLUS_INVERSE_OF_ONE = math.log(
-    math.e - 1
-)  # a modulator's bias starts here, so that every modulation starts at about 1
+SOFTPLUS_INVERSE_OF_ONE = math.log(math.e - 1)  # a modulator's bias, so that modulations start at about 1
 
 
 @dataclass(frozen=True)

@@ -66,11 +66,7 @@ def save(shape: "shape_field.ShapeField | patch_field.PatchField", folder: Path)
 def points(
     shape: "shape_field.ShapeField | patch_field.PatchField", count: int, seed: int = 0
 ) -> Float[np.ndarray, "count 3"]:
-    """Points on the surface, mesh frame: a network's by projection, patches' by area.
-
-    Args:
-      changed: of `cloud_config`, for networks.
-    """
+    """Points on the surface, mesh frame: a network's by projection, patches' by area."""
     if shape.record.get("kind") == field_file.PATCHES:
         return cast("patch_field.PatchField", shape).points(count, seed)
     from ddf.fields import shape_field

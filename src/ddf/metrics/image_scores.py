@@ -7,7 +7,7 @@ given the features and not the images.
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,24 +31,13 @@ class Subsets:
     seed: int = 0
 
 
-@dataclass(frozen=True)
-class ImageScores:
-    """Of a set of images against real ones. kid_spread: standard deviation over the subsets."""
-
-    kid: float
-    kid_spread: float
-
-
-def score(images: Float[Tensor, "n features"], real: Float[Tensor, "m features"], subsets: Subsets) -> ImageScores:
-    """Of features of images against those of real ones."""
+def score(images: Float[Tensor, "n features"], real: Float[Tensor, "m features"], subsets: Subsets) -> dict[str, float]:
+    """Of features of images against those of real ones: `kid`, and `kid_spread`, its deviation over the subsets."""
     from torch_fidelity import metric_kid
 
     of_kid = {"kid_subsets": subsets.count, "kid_subset_size": subsets.size, "rng_seed": subsets.seed}
     kid = metric_kid.kid_features_to_metric(images.double(), real.double(), verbose=False, **of_kid)
-    return ImageScores(
-        kid[metric_kid.KEY_METRIC_KID_MEAN],
-        kid[metric_kid.KEY_METRIC_KID_STD],
-    )
+    return {"kid": kid[metric_kid.KEY_METRIC_KID_MEAN], "kid_spread": kid[metric_kid.KEY_METRIC_KID_STD]}
 
 
 def blurred(images: Float[Tensor, "n 3 h w"], spread: float) -> Float[Tensor, "n 3 h w"]:
@@ -91,5 +80,5 @@ def table(
             raise checks.InputError(
                 f"scores.subset_size must be at most the {len(features)} images of {name!r}; got {subsets.size}"
             )
-    rows = {name: asdict(score(features, real, subsets)) for name, features in sets.items()}
+    rows = {name: score(features, real, subsets) for name, features in sets.items()}
     return {"rows": rows, "in_order": in_order({name: row["kid"] for name, row in rows.items()})}

@@ -171,11 +171,6 @@ def encode(
     return torch.cat([each[-1] for each in stages]), torch.cat(latents), torch.cat(found)
 
 
-def image_features(model: ReconstructionModel, images: category_data.ImageSet) -> Float[Tensor, "n features"]:
-    """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
-    return image_stages(model, images)[-1]
-
-
 @torch.no_grad()
 def image_stages(model: ReconstructionModel, images: category_data.ImageSet) -> Stages:
     """Features of all stages, which `out_of_distribution` compares."""

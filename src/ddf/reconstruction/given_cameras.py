@@ -88,9 +88,8 @@ class Pinhole:
         return np.where(ahead[..., None] > 0, 2 * np.stack((across, down), axis=-1) - 1, 2.0)
 
 
-Camera = (
-    Float[np.ndarray, "3"] | Pinhole
-)  # of the framed object: azimuth, elevation (radians), radius (benchmark units)
+# Of the framed object: azimuth, elevation (radians), radius (benchmark units).
+Camera = Float[np.ndarray, "3"] | Pinhole
 
 
 def read(given: str | Path | Sequence[Any] | Mapping[str, Any], images: Sequence[Path]) -> list[Camera]:

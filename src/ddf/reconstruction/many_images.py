@@ -51,7 +51,7 @@ def reconstruct_ddf(
     (features, latents, predicted), encoding = _timed_encode(model, images)
     work = _Work(model, images, config, latents, predicted)
     modulations = work.modulations(latents)
-    tensors, cloud = work.clouds(modulations, _cycles_kept(config.cloud), describe)
+    tensors, cloud = work.clouds(modulations, {config.cloud.cycles: _after_all(config.cloud), 1: "h1"}, describe)
     scale = tensors[SCALE]
     seconds = {"encoders": encoding, "cloud": cloud}
     corrected, seconds["camera_correction"] = work.correct_cameras(modulations, scale)
@@ -157,10 +157,9 @@ class _Work:
         outputs: Sequence[str] = field_outputs.DEFAULT,
     ) -> dict[str, Tensor]:
         """The picture of its own prediction: predicted camera, estimated scale."""
-        camera, field_scale = self.predicted[image], (1 / scale[image]).to(self.predicted.device)
-        return rendering.render(self.model.field, [m[image] for m in modulations], camera, field_scale, size, outputs)[
-            0
-        ]
+        own, camera = [m[image] for m in modulations], self.predicted[image]
+        field_scale = (1 / scale[image]).to(camera.device)
+        return rendering.render(self.model.field, own, camera, field_scale, size, outputs)[0]
 
     def silhouette_iou(self, modulations: Sequence[Tensor], scale: Float[Tensor, "n"], image: int) -> float:
         """Intersection over union of such a picture and the image's alpha channel, both cut at one half."""
@@ -258,12 +257,6 @@ def _timed_encode(
 def _after_all(cloud: cloud_projection.CloudConfig) -> str:
     """Name of the clouds after all cycles, whose scale is `SCALE`; each other cloud has `SCALE`.<its name>."""
     return f"h{cloud.cycles}"
-
-
-def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
-    """The numbers of cycles after which clouds are taken, and their names; with `cycles: 1` both are the same."""
-    names = {cloud.cycles: _after_all(cloud)}
-    return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
 
 
 def generator_of(config: reconstruction_settings.PointcloudsConfig, image: int) -> torch.Generator:

@@ -156,6 +156,6 @@ class Proposer:
         near = round(NEAR * self.config.points)
         uniform = random.uniform(-1, 1, (len(chosen), self.config.points - near, 3)).astype(np.float32)
         noise = random.standard_normal((len(chosen), near, 3), dtype=np.float32)
-        surface = torch.stack([self.shapes.subset(int(shape), near, random) for shape in chosen])
+        surface = self.shapes.subsets(chosen, near, random)
         starts = torch.cat((torch.from_numpy(uniform), surface + JITTER * torch.from_numpy(noise)), dim=1)
         return starts.clamp(-1, 1)

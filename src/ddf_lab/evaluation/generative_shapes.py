@@ -92,7 +92,7 @@ def of_shapes(shapes: category_data.ShapeSet, count: int, seed: int) -> Clouds:
     """A random part of each true cloud."""
     random, found = np.random.default_rng(seed), []
     for row, similarity in enumerate(shapes.similarities):
-        cloud = shapes.subset(row, count, random).double().numpy()
+        cloud = shapes.subsets(np.array([row]), count, random)[0].double().numpy()
         points = similarity.inverse().apply(cloud) * transforms.BENCHMARK_FROM_V1
         found.append(neighbours.Neighbours(points, "true cloud"))
     return found

@@ -156,8 +156,8 @@ def test_data_set_gives_views_by_side(tmp_path):
     index = {"root": "some/where", "categories": {"chair": {"synset": CHAIR, "shapes": shapes}}}
     (tmp_path / "index.json").write_text(json.dumps(index))
     dataset = shapenet.Dataset.open(tmp_path / "index.json")
-    assert dataset.train("chair") == [("a", (0, 1)), ("b", (0,))]
-    assert dataset.test("chair") == [("b", (1,)), ("c", (0, 1))]
+    assert dataset.views("chair", "train") == [("a", (0, 1)), ("b", (0,))]
+    assert dataset.views("chair", "test") == [("b", (1,)), ("c", (0, 1))]
     assert dataset.model("chair", "a").as_posix() == f"some/where/ShapeNetCore.v1/{CHAIR}/a/model.obj"
     assert "it has chair" in _message(dataset.category, "plane")
 

@@ -50,15 +50,15 @@ def _digests(root):
 def test_written_shape_has_the_v1_frame_and_lies_inside_every_mask(tmp_path, category):
     random = np.random.default_rng(5)
     for index in range(2):
-        files = write.write_shape(tmp_path, 7, category, index, shapenet.NUM_VIEWS)
-        assert len(files) == shapenet.NUM_VIEWS + 3
+        files = write.write_shape(tmp_path, 7, category, index, 24)
+        assert len(files) == 24 + 3
         vertices, triangles = _read_obj(files[0])
         lower, upper = vertices[np.unique(triangles)].min(axis=0), vertices[np.unique(triangles)].max(axis=0)
         assert_close(lower + upper, np.zeros(3), atol=3e-8)
         assert_close(np.linalg.norm(upper - lower), 1.0, atol=3e-8)
         points = torch.from_numpy(_surface_points(vertices, triangles, 150_000, random)) * 0.57
         poses = torch.from_numpy(shapenet.read_cameras(files[-1].parent))
-        assert len(poses) == shapenet.NUM_VIEWS
+        assert len(poses) == 24
         for view, pose in enumerate(cameras.degrees_to_radians(poses)):
             some = points if view == 0 else points[120_000:]
             u, v = cameras.project(some, *cameras.extrinsics(*pose))

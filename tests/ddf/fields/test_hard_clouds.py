@@ -6,7 +6,7 @@ from _hard import SATURATED, assert_exact, assert_within, constant_field, step
 
 from ddf.fields import cloud_projection, pddf, udf
 
-PAPER = cloud_projection.CloudConfig(64, 3, 0.1, 0.0, (), None, 0.05, 0.01, 4096)
+PAPER = cloud_projection.CloudConfig(64, 3, 0.0, (), None, 0.05, 0.01)
 X, Y = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
 MINUS_X = [-1.0, 0.0, 0.0]
 

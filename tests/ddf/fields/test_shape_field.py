@@ -13,7 +13,7 @@ from ddf.geometry import rays, transforms
 CONFIG = pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
 LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
 MAP = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # the mesh is 100 units long, off the origin
-CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 4096)
+CLOUD = cloud_projection.CloudConfig(8, 2, 0.0, (), None, 0.05, 0.05)
 
 
 def _write(folder, config=CONFIG, **changes):

@@ -20,8 +20,8 @@ def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():
     )
     across = sum(float((a @ b / 3 + 1) ** 3) / 36 for a in first for b in second)
     found = image_scores.score(first, second, _section(6))
-    assert found.kid == pytest.approx(within - 2 * across)
-    assert found.kid_spread == pytest.approx(0, abs=1e-12)  # every subset is all of them
+    assert found["kid"] == pytest.approx(within - 2 * across)
+    assert found["kid_spread"] == pytest.approx(0, abs=1e-12)  # every subset is all of them
 
 
 def test_the_mean_image_blur_and_noise_are_behind_other_images():
@@ -37,7 +37,7 @@ def test_the_mean_image_blur_and_noise_are_behind_other_images():
         name: functional.avg_pool2d(8 * (each + 1), 4).mean(1).flatten(1)
         for name, each in {"real": real, "others": others, **fakes}.items()
     }
-    rows = {name: image_scores.score(pooled[name], pooled["real"], _section(60)).kid for name in ("others", *fakes)}
+    rows = {name: image_scores.score(pooled[name], pooled["real"], _section(60))["kid"] for name in ("others", *fakes)}
     assert min(rows, key=lambda name: rows[name]) == "others"
     assert min(rows[name] for name in fakes) > 3 * abs(rows["others"])
 

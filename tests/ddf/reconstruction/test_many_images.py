@@ -35,7 +35,7 @@ def test_reconstruction_has_the_promised_arrays():
     assert shapes["camera_pred"] == shapes["camera_corrected"] == (6, 3)
     assert shapes["render.normals"] == (2, 12, 12, 3)
     assert facts["rendered"] == [0, 5]
-    assert torch.equal(tensors["features"], reconstruction_models.image_features(model, images))
+    assert torch.equal(tensors["features"], reconstruction_models.image_stages(model, images)[-1])
     again, _ = many_images.reconstruct_ddf(model, images, POINTCLOUDS, "test")
     for name, values in tensors.items():
         assert torch.equal(values, again[name]), name
@@ -70,7 +70,7 @@ def test_images_at_a_time_change_no_bit(monkeypatch):
 
 def test_shapes_on_the_mask_have_clouds_and_scales_of_their_own_and_change_no_other():
     model, images = _models.ddf_model("angle"), _hand_made.images()
-    deviation = mask_descent.latent_deviation(model, reconstruction_models.image_features(model, images))
+    deviation = mask_descent.latent_deviation(model, reconstruction_models.image_stages(model, images)[-1])
     plain, _ = many_images.reconstruct_ddf(model, images, POINTCLOUDS, "test")
     both, facts = many_images.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
     assert both.keys() - plain.keys() == {"L.mask", "S.mask", "scale_pred.mask"}

@@ -93,7 +93,7 @@ def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and
     for name, count in paper["ddf"].counts.items():
         assert small["ddf"].counts[name] == pytest.approx(count / 25, abs=3)
     ours, theirs = (dataclasses.asdict(one["pointclouds"].cloud) for one in (small, paper))
-    assert {key for key in ours if ours[key] != theirs[key]} <= {"temperature", "inverse_depth", "chunk_rays"}
+    assert {key for key in ours if ours[key] != theirs[key]} <= {"temperature", "inverse_depth"}
     assert small["pointclouds"].shape_correction is None and small["pointclouds"].pcsiren_inputs == "random"
     assert small["pointclouds"].correction.free == paper["pointclouds"].correction.free
     assert small["pcsiren"].truth_points == small["pcsiren"].points

@@ -133,14 +133,12 @@ class ShapeSet:
             "centre_true": torch.tensor(np.array([each.translation for each in back]), dtype=torch.float32),
         }
 
-    def subset(self, shape: int, count: int, random: np.random.Generator) -> Float[Tensor, "count 3"]:
-        """Random points of one cloud, without repetition as long as there are enough."""
-        return self.subsets(np.array([shape]), count, random)[0]
-
     def subsets(
         self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
     ) -> Float[Tensor, "own count 3"]:
-        """`subset` of `part` of the shapes, drawn for all of them, where the clouds are."""
+        """Random points of the clouds of `part` of the shapes, drawn for all of them, where the clouds are; without
+        repetition as long as there are enough.
+        """
         sizes = np.diff(self.offsets)
         rows = [self.offsets[i] + random.choice(sizes[i], count, replace=bool(sizes[i] < count)) for i in shapes]
         return self.points[arrays.send(np.stack(rows)[part], self.points.device)]
@@ -273,7 +271,7 @@ def test_views(
     """Test shapes (or those of another side) with the views to evaluate: those of the split, or the first `count` of
     them; of public and own ones the first `public`.
     """
-    shapes = getattr(dataset, split)(category)
+    shapes = dataset.views(category, split)
     return [(name, views[: public if manifest.is_real(name) else count]) for name, views in shapes]
 
 
@@ -296,7 +294,7 @@ def read_training(
       Images, shapes and sources; of the images themselves a record takes `ImageSet.digest`.
     """
     dataset = shapenet.Dataset.open(index_path)
-    shown = available(samples_dir, dataset.train(category))
+    shown = available(samples_dir, dataset.views(category, "train"))
     images = read_images(dataset, category, shown, size)
     shards = [path for kind in (SAMPLES, CLOUDS) for path in storage.shard_files(samples_dir, kind, "samples")]
     return images, read_shapes(samples_dir, images.ids), [index_path, *shards]

@@ -78,12 +78,7 @@ def _dressed(bare: assemble.Shape, rng: np.random.Generator) -> assemble.Shape:
     given = enumerate((palette.cloth(rng), palette.wood(rng), palette.metal(rng)))
     items = [Part(bare.vertices, bare.triangles[worn == number], paint, str(number)) for number, paint in given]
     paints = [part.paint for part in appearance.dress(items, "", rng)]
-    textures = tuple(paint.texture for paint in paints if paint.texture is not None)
-    numbers = np.array([-1 if paint.texture is None else textures.index(paint.texture) for paint in paints])
-    colours = np.array([paint.colour for paint in paints], dtype=np.float32)[worn]
-    gloss, hardness = np.array([(paint.gloss, paint.hardness) for paint in paints], dtype=np.float32)[worn].T
-    look = {"colours": colours, "gloss": gloss, "hardness": hardness, "textures": textures, "texture": numbers[worn]}
-    return replace(bare, **look, covering=None)
+    return replace(bare, **assemble.worn(paints, worn), covering=None)
 
 
 def copy_id(row: manifest.Row, copy: int) -> str:

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from ddf.data.synthetic.palette import Picture, Texture
+from ddf.data.synthetic.palette import Paint, Picture, Texture
 from ddf.data.synthetic.parts import Part
 
 DECIMALS = 8  # of the written coordinates: a diagonal of 1 is then off by 2e-8 at most
@@ -70,20 +71,23 @@ def shape(items: Sequence[Part], rng: np.random.Generator, crease_cos: float = C
     offsets = np.cumsum([0] + [len(piece.part.vertices) for piece in pieces])
     triangles = np.concatenate([p.part.triangles + offset for p, offset in zip(pieces, offsets[:-1], strict=True)])
     counts = [len(piece.part.triangles) for piece in pieces]
-    paints = [piece.part.paint for piece in pieces]
-    textures = tuple(dict.fromkeys(paint.texture for paint in paints if paint.texture is not None))
-    numbers = [-1 if paint.texture is None else textures.index(paint.texture) for paint in paints]
     return Shape(
         normalise(np.concatenate([piece.part.vertices for piece in pieces])),
         triangles,
         np.concatenate([piece.normals for piece in pieces]),
-        np.repeat(np.array([paint.colour for paint in paints], dtype=np.float32), counts, axis=0),
-        np.repeat(np.array([paint.gloss for paint in paints], dtype=np.float32), counts),
-        np.repeat(np.array([paint.hardness for paint in paints], dtype=np.float32), counts),
-        tuple((piece.part.name, count) for piece, count in zip(pieces, counts, strict=True)),
-        textures,
-        np.repeat(numbers, counts),
+        parts=tuple((piece.part.name, count) for piece, count in zip(pieces, counts, strict=True)),
+        **worn([piece.part.paint for piece in pieces], np.repeat(np.arange(len(pieces)), counts)),
     )
+
+
+def worn(paints: Sequence[Paint], number: Int[np.ndarray, "m"]) -> dict[str, Any]:
+    """Colours, gloss, hardness and textures of a `Shape` each of whose triangles wears the paint of that number."""
+    textures = tuple(dict.fromkeys(paint.texture for paint in paints if paint.texture is not None))
+    texture = np.array([-1 if paint.texture is None else textures.index(paint.texture) for paint in paints])
+    colours = np.array([paint.colour for paint in paints], dtype=np.float32)
+    gloss, hardness = np.array([(paint.gloss, paint.hardness) for paint in paints], dtype=np.float32).T
+    looks = {"colours": colours, "gloss": gloss, "hardness": hardness, "texture": texture}
+    return {name: values[number] for name, values in looks.items()} | {"textures": textures}
 
 
 def normalise(vertices: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

@@ -55,17 +55,8 @@ class Car:
 def body(car: Car) -> Part:
     """The lower body: a loft along x whose lower edge rises over the wheels."""
     half, arch = car.length / 2, car.wheel * 1.18
-    stations = [
-        -half,
-        -half + 0.03,
-        -half + 0.12,
-        half - 0.25,
-        half - 0.1,
-        half - 0.03,
-        half,
-        car.cowl,
-        car.cowl + 0.08,
-    ]
+    stations = [-half, -half + 0.03, -half + 0.12, half - 0.25, half - 0.1, half - 0.03, half]
+    stations += [car.cowl, car.cowl + 0.08]
     stations += [car.tail, car.tail - 0.06] if car.tail > -0.9 * half else []
     for axle in car.axles:
         stations += list(axle + arch * np.cos(np.linspace(0, np.pi, 11)))

@@ -271,12 +271,8 @@ def gear(wing: Wing, width: Real, height: Real, paint: Paint) -> list[Part]:
 def floats(height: Real, paint: Paint) -> list[Part]:
     """A seaplane's two floats on struts."""
     y = -height * 0.5 - 0.08
-    stations = [
-        (-0.3, y + 0.01, 0.01, 0.01),
-        (-0.1, y, 0.045, 0.04),
-        (0.2, y, 0.05, 0.05),
-        (0.42, y + 0.02, 0.01, 0.01),
-    ]
+    tail, nose = (-0.3, y + 0.01, 0.01, 0.01), (0.42, y + 0.02, 0.01, 0.01)
+    stations = [tail, (-0.1, y, 0.045, 0.04), (0.2, y, 0.05, 0.05), nose]
     hull = fuselage(stations, paint, sides=12, power=2.6, count=14).moved(0, 0, 0.12)
     struts = [parts.beam((x, y, 0.12), (x, -height * 0.35, 0.04), 0.01, paint, name="strut") for x in (0.02, 0.22)]
     return parts.both_sides([hull, *struts])

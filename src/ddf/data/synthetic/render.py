@@ -133,7 +133,7 @@ class Renderer:
         vertices = shape.vertices * transforms.BENCHMARK_FROM_V1
         self._shape = shape
         self._vertices = vertices
-        self._edges = _edges(shape.triangles)
+        self._edges, self._edge_face = _edges(shape.triangles)
         self._labels = _labels(shape)
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(shape.triangles.astype(np.uint32)))
@@ -150,8 +150,8 @@ class Renderer:
             return image
         block = image[low[1] : high[1], low[0] : high[0]]
         block[:] = self._block(view, rotation, centre, low, high)
-        edge_colours = view.picture(0.8 * self._shape.colours[self._edges.face])
-        _mark_touched(block, pixels[self._edges.vertices] - low, edge_colours)
+        edge_colours = view.picture(0.8 * self._shape.colours[self._edge_face])
+        _mark_touched(block, pixels[self._edges] - low, edge_colours)
         return image
 
     def _block(
@@ -290,19 +290,11 @@ def _labels(shape: Shape) -> Int[np.ndarray, "m"]:
     return part * 1000 + (np.rint(3 * shape.normals.mean(axis=1)) + 3).astype(int) @ np.array([100, 10, 1])
 
 
-@dataclass(frozen=True)
-class _Edges:
-    """Unique edges, and one of the triangles of each."""
-
-    vertices: Int[np.ndarray, "e 2"]
-    face: Int[np.ndarray, "e"]
-
-
-def _edges(triangles: Int[np.ndarray, "m 3"]) -> _Edges:
-    """Every undirected edge once."""
+def _edges(triangles: Int[np.ndarray, "m 3"]) -> tuple[Int[np.ndarray, "e 2"], Int[np.ndarray, "e"]]:
+    """Every undirected edge once, and one of the triangles of each."""
     pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, first = np.unique(pairs, axis=0, return_index=True)
-    return _Edges(unique, first // 3)
+    return unique, first // 3
 
 
 def _mark_touched(

@@ -198,17 +198,13 @@ def build(mesh: mesh_io.Mesh, config: PatchConfig, evidence: Evidence | None = N
         used += int(kept.sum())
         if not cut.any():
             break
-        inside, starts = np.repeat(cut, np.diff(starts)), _only(starts, cut)
+        counts = np.diff(starts)
+        inside, starts = np.repeat(cut, counts), np.cumsum([0, *counts[cut]])
         cells = lows[cut], side, starts, triangles[inside], met[inside]
         lows, starts, triangles = kernels.cut_cells(corners, *cells)
         side /= 2
     arrays = pack(*(np.concatenate(part) for part in (states, rows, codes, sides)))
     return arrays if evidence is None else {**arrays, UNSEEN: np.packbits(np.concatenate(unseen))}
-
-
-def _only(starts: np.ndarray, kept: Bool[np.ndarray, "n"]) -> np.ndarray:
-    """Where the lists of the kept cells begin when the others are gone."""
-    return np.concatenate([[0], np.cumsum(np.diff(starts)[kept])])
 
 
 def _reordered(starts: np.ndarray, values: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

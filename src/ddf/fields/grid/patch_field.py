@@ -15,11 +15,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ddf.core import checks, storage
-from ddf.fields import checked_cloud, framed_field
+from ddf.fields import checked_cloud, field_file, framed_field
 from ddf.fields.grid import kernels, octree
 from ddf.geometry import mesh_io, transforms
 
-KIND = "patches"  # of the file's record
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
 MARGIN = 0.02  # between the shape and the cube [-1, 1]³: rays from outside begin on no face
 BOX_MARGIN = 0.01  # between the shape and its box
@@ -132,7 +131,7 @@ def fitted(
     back = field_from_mesh.inverse()
     asked = None if evidence is None else lambda lows, side: evidence(back.apply(lows), side * back.scale)
     return octree.build(mesh, config, asked), {
-        "kind": KIND,
+        "kind": field_file.PATCHES,
         "tolerance": config.tolerance,
         "box": {"lower": (lower - BOX_MARGIN).tolist(), "upper": (upper + BOX_MARGIN).tolist()},
         "field_from_mesh": field_from_mesh.to_dict(),
@@ -153,7 +152,7 @@ def of(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> PatchFiel
 def load(file: Path) -> PatchField:
     """The field of a file."""
     arrays, record = storage.load_tensors(file)
-    if record.get("kind") != KIND:
+    if record.get("kind") != field_file.PATCHES:
         raise checks.InputError(f"{file}: holds no field of patches")
     with framed_field.record_of(file):
         return of(arrays, record)

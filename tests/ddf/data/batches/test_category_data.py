@@ -99,7 +99,7 @@ def test_test_views_are_the_first_of_the_splits():
     entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
     unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
     dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", (*entries, unseen))})
-    assert dataset.train("chair") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
+    assert dataset.views("chair", "train") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
     assert category_data.test_views(dataset, "chair", 2) == [("b", (2, 3)), ("c", (0, 1))]
 
 
