@@ -17,7 +17,7 @@ from _tiny_fits import TINY
 from ddf.core import checks, processes, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_outputs, framed_field, model_files, pddf, shape_field
-from ddf.fit import fit_settings, fitting, shape_samples
+from ddf.fit import fitting, shape_samples
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.models import loop_config
 from ddf.training import training_loop
@@ -138,26 +138,6 @@ def test_minutes_are_a_clock_whatever_a_step_takes(tmp_path, monkeypatch):
     assert busy["steps"] == len(rates) - steps == pytest.approx(10, abs=1)
     assert time.now - begun == pytest.approx(30, abs=4)
     assert rates[-1] < 0.05 * TINY.loop.learning_rate
-
-
-def test_a_resumed_fit_counts_the_seconds_of_all_its_runs(tmp_path, monkeypatch):
-    loop = dataclasses.replace(TINY.loop, checkpoint_seconds=0.0, log_every=100)
-    config = dataclasses.replace(TINY, steps=None, minutes=0.5, loop=loop)
-    time = _Time(monkeypatch, 1.0)
-    counted, step_loss = [], fitting.step_loss
-
-    def stops(*given):
-        counted.append(given[-1])
-        if len(counted) == 8:
-            raise KeyboardInterrupt
-        return step_loss(*given)
-
-    monkeypatch.setattr(fitting, "step_loss", stops)
-    with pytest.raises(KeyboardInterrupt):
-        fitting.fit(cube(), config, tmp_path)
-    time.moved(1000.0)  # until somebody starts it again
-    found = fitting.fit(cube(), config, tmp_path)
-    assert 28 <= found["steps"] <= 30 and found["seconds"] == pytest.approx(30, abs=1)
 
 
 def test_a_finished_fit_is_said_at_once_and_more_minutes_go_on(tmp_path, monkeypatch):
@@ -334,14 +314,3 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
     raw = shape_field.load(tmp_path).field(seen["positions"], seen["directions"])[:, : pddf.NUM_COMPONENTS]
     dead = float((raw < -0.05).float().mean())  # 5 over the sharpness: a slope of 0.7 %
     assert dead < 0.1 if kept else dead > 0.5
-
-
-def test_a_flat_start_is_the_mean_depth_nearly_everywhere():
-    samples = shape_samples.draw_samples(cube(), TINY.drawing, TINY.samples, "train")
-    field = pddf.PDDF(fit_settings.FitConfig().field)
-    fitting.start_flat(field, samples)
-    visible = [part["visible"] > 0 for part in samples.arrays.values()]
-    mean = np.concatenate([p["depth"][seen] for p, seen in zip(samples.arrays.values(), visible, strict=True)]).mean()
-    uniform = _tensors(samples, "U")
-    found = field.depths(field(uniform["positions"], uniform["directions"])).detach()
-    assert float((found - float(mean)).abs().max()) < 0.5 and float(found.std()) < 0.15

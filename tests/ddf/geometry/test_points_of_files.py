@@ -10,9 +10,9 @@ from ddf.geometry import mesh_io
 _POINTS = np.random.default_rng(0).normal(size=(37, 3))
 
 
-def _header(form, count, kind="double", extra=""):
-    columns = "".join(f"property {kind} {axis}\n" for axis in "xyz")
-    return f"ply\nformat {form} 1.0\ncomment x\nelement vertex {count}\n{extra}{columns}"
+def _header(form, count):
+    columns = "".join(f"property double {axis}\n" for axis in "xyz")
+    return f"ply\nformat {form} 1.0\ncomment x\nelement vertex {count}\n{columns}"
 
 
 @pytest.mark.parametrize(("form", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">"), ("ascii", "")])
@@ -24,19 +24,6 @@ def test_all_encodings_give_the_points(tmp_path, form, order, newline):
     path = tmp_path / "a.ply"
     path.write_bytes(header + body)
     np.testing.assert_array_equal(mesh_io.read_points(path), _POINTS)
-
-
-def test_extra_properties_and_faces_are_passed_over(tmp_path):
-    row = np.dtype([("red", "u1"), ("x", "<f4"), ("z", "<f8"), ("y", "<f4")])
-    table = np.zeros(len(_POINTS), row)
-    table["x"], table["y"], table["z"] = _POINTS.T
-    rows = "property uchar red\nproperty float x\nproperty double z\nproperty float y\n"
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex 37\n{rows}element face 1\n"
-    header += "property list uchar int vertex_indices\nend_header\n"
-    path = tmp_path / "a.ply"
-    path.write_bytes(header.encode() + table.tobytes() + b"\x03" + np.arange(3, dtype="<i4").tobytes())
-    expected = np.stack([table["x"], table["y"], table["z"]], axis=1)
-    np.testing.assert_array_equal(mesh_io.read_points(path), expected)
 
 
 @pytest.mark.parametrize("ascii_form", [False, True])
@@ -55,13 +42,10 @@ def test_reads_what_open3d_writes_and_writes_what_open3d_reads(tmp_path, ascii_f
     [
         (b"", "not a PLY file"),
         (b"solid\nend_header\n", "not a PLY file"),
-        (_header("ascii", 3).encode(), "not a PLY file"),
         ((_header("ascii", 3) + "end_header\n1 2 3\n4 5").encode(), "claims 3 vertex"),
-        ((_header("ascii", 1) + "end_header\n1 2 east\n").encode(), "not a number"),
         ((_header("ascii", 1) + "end_header\n1 nan 3\n").encode(), "finite"),
         ((_header("ascii", 0) + "end_header\n").encode(), "no points"),
         ((_header("binary_little_endian", 99999999999) + "end_header\n1").encode(), "claims 99999999999 vertex"),
-        ((_header("ascii", 99999999999) + "end_header\n1").encode(), "claims 99999999999 vertex"),
         ((_header("middle_endian", 1) + "end_header\n1 2 3").encode(), "ascii or binary"),
         (b"ply\nformat ascii 1.0\nelement face 1\nend_header\n", "must have an 'element vertex"),
         (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1", "must have x, y and z"),

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from ddf.core import checks
-from ddf.geometry import mesh_io, posed_depth, scans
+from ddf.geometry import mesh_io, posed_depth
 
 HEIGHT, WIDTH, FOCAL, FAR = 6, 8, 10.0, 1.5  # a wall at z = FAR, seen by cameras that look along Z from x = 0 and 0.25
 EYES = np.array([[0.0, 0, 0], [0.25, 0, 0]])
@@ -183,8 +183,3 @@ def test_refusals_name_the_file(tmp_path: Path, name: str, content: bytes, told:
     with pytest.raises(checks.InputError, match=told) as refused:
         posed_depth.read(file.parent if file.parent.name == "folder" else file)
     assert str(file.parent) in str(refused.value)
-
-
-def test_a_scan_is_read_as_scans_are(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", points=POINTS, sensors=np.zeros(3))
-    assert np.allclose(posed_depth.read(tmp_path / "a.npz").scan.points, scans.read(tmp_path / "a.npz").points)

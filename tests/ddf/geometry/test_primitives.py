@@ -144,14 +144,6 @@ def _random(seed: int) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
-def test_sphere_curvature_sign_outside_and_inside():
-    looking = torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64)
-    for height, sign in ((3.0, -1.0), (0.0, 1.0)):
-        start = torch.tensor([[0.0, 0.0, height]], dtype=torch.float64)
-        kappa = primitives.curvatures(primitives.Sphere(radius=0.5), rays.OrientedPoints(start, looking))
-        assert_close(kappa, torch.full((1, 2), 2.0 * sign, dtype=torch.float64))
-
-
 def test_torus_quartic_holds_from_far_away_and_through_double_roots():
     shape = _closed_form.Torus(0.7, 0.3)
     start = torch.tensor([[1e4, 0.05, 0.1], [0.7, 5.0, 0.0], [0.0, 0.0, 0.0], [0.0, 4.0, 0.0]], dtype=torch.float64)
@@ -160,10 +152,3 @@ def test_torus_quartic_holds_from_far_away_and_through_double_roots():
     ring = math.sqrt((0.7 + math.sqrt(0.3**2 - 0.05**2)) ** 2 - 0.1**2)
     expected = torch.tensor([1e4 - ring, 4.7, 0.4, torch.inf], dtype=torch.float64)
     assert_close(depth, expected, atol=1e-8, rtol=0)
-
-
-def test_nested_spheres_show_the_inner_sheet_only_between_the_two():
-    start = torch.tensor([[2.0, 0, 0], [0.6, 0, 0], [0.0, 0, 0]], dtype=torch.float64)
-    looking = torch.tensor([[-1.0, 0, 0]] * 3, dtype=torch.float64)
-    depth = primitives.cast(NESTED, rays.OrientedPoints(start, looking)).depth
-    assert_close(depth, torch.tensor([1.1, 0.2, 0.4], dtype=torch.float64))

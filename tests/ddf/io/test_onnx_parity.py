@@ -36,16 +36,6 @@ def test_hard_rays_graze_switch_saturate_and_start_on_the_surface():
     assert torch.equal(hard["directions"][-1], -hard["directions"][-1 - each])
 
 
-def test_comparison_at_65536_points():
-    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
-    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "field", graph, (1, 7, 65536))
-    assert [row.cases for row in rows[:: len(ALL)]] == ["random 1", "random 7", "random 65536", "hard"]
-    assert {row.rows for row in rows if row.cases == "random 65536"} == {65536}
-    for row in rows:
-        assert row.mean_abs <= row.max_abs <= row.tolerance
-    assert sum(row.unclear for row in rows if row.output == "visibility") == 0
-
-
 def test_difference_is_measured_not_assumed():
     field, other = _models.field(), _models.field()
     with torch.no_grad():
