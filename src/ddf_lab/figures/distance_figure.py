@@ -134,25 +134,17 @@ def _ways(field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud
 
 def _network(field: ShapeField, config: figure_fields.FiguresConfig, folder: Path) -> Ask:
     """The way of g_v."""
-    recipe = candidate_recipe(config)
+    recipe, back = candidate_recipe(config), field.field_from_mesh.inverse()
     network = closest_candidates.fit(field, recipe, folder)
     took = training_loop.read_log(folder)[-1]["seconds"]
-    ask = closest_candidates.asked(field.field)
-    once = f"{recipe.steps:,} steps of {recipe.points:,}, {took:.0f} s"
-    return _asked(field, lambda inside: udf.from_candidates(ask, inside, network(inside)), network.num_candidates, once)
-
-
-def _asked(field: ShapeField, way: Callable[[torch.Tensor], udf.Closest], queries: float, once: str = "–") -> Ask:
-    """A way of the field's frame in the frame and the unit of the mesh."""
+    asked, once = closest_candidates.asked(field.field), f"{recipe.steps:,} steps of {recipe.points:,}, {took:.0f} s"
 
     def ask(positions: Float[np.ndarray, "n 3"]) -> Found:
-        found, back = (
-            way(torch.from_numpy(field.field_from_mesh.apply(positions)).float()),
-            field.field_from_mesh.inverse(),
-        )
+        inside = torch.from_numpy(field.field_from_mesh.apply(positions)).float()
+        found = udf.from_candidates(asked, inside, network(inside))
         distances = found.distances.double().numpy() * back.scale
         ways = back.apply_directions(found.directions.double().numpy())
-        return Found(np.where(np.isfinite(distances), distances, np.nan), ways, queries, once)
+        return Found(np.where(np.isfinite(distances), distances, np.nan), ways, network.num_candidates, once)
 
     return ask
 

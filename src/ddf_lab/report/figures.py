@@ -7,16 +7,16 @@ One colour per method in every chart: blue for DDF, orange for PC-SIREN, green f
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import matplotlib
 import numpy as np
 import pandas as pd
-from matplotlib import figure, patches, ticker
+from matplotlib import figure, ticker
 
 METHOD_COLOURS = {"ddf": "#1F5FA8", "pc_siren": "#D5702A", "ddf_image": "#2E7D4F"}
-_EXACT, _EQUAL = "#A9AFBA", "#5E6673"  # of exact values, and of the line of equals
+_EQUAL = "#5E6673"  # of the line of equals
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
 _PANELS_IN_LINE = 2
 _WIDTH = 5.6  # of every chart, inches
@@ -105,35 +105,6 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
         panel.set_yscale("log")
         panel.yaxis.set_minor_formatter(ticker.NullFormatter())
     panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
-
-
-@_styled
-def jumps(panels: Mapping[str, tuple[Mapping[str, Any], Sequence[Sequence[float]], Sequence[Sequence[float]]]]) -> str:
-    """Of each title a column: a sketch of circles and arrows, depths along the arrows' starts, and the weight w_1.
-
-    Args:
-      panels: title to (place, exact, depth, weight along the line, and the name of the place), circles' (x, y, radius),
-        arrows (x, y, dx, dy).
-    """
-    chart = figure.Figure(figsize=(_WIDTH, 4.6), layout="constrained")
-    grid = chart.subplots(3, len(panels), squeeze=False, height_ratios=(1.5, 1.5, 1))
-    for (sketch, depths, weights), (title, (line, circles, arrows)) in zip(grid.T, panels.items(), strict=True):
-        sketch.set_title(title)
-        for x, y, radius in circles:
-            sketch.add_patch(patches.Circle((x, y), radius, facecolor="#EAF2FB", edgecolor=METHOD_COLOURS["ddf"]))
-        for x, y, dx, dy in arrows:
-            sketch.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->", "color": "#B23A2E"})
-            sketch.plot([x], [y], ".", color="#20242C")
-        sketch.set_aspect("equal")
-        sketch.set_axis_off()
-        depths.plot(line["place"], line["true_depth"], lw=3.0, color=_EXACT, label="exact d")
-        depths.plot(line["place"], line["depth"], lw=1.1, color=METHOD_COLOURS["ddf"], label="field's d")
-        weights.plot(line["place"], line["weight_1"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
-        weights.set_ylim(-0.05, 1.05)
-        weights.set_xlabel(line["name"])
-    for panel in grid[1:, 0]:
-        panel.legend(fontsize=8.5, handlelength=1.2)
-    return _svg(chart)
 
 
 def _panels(count: int, height: float) -> tuple[figure.Figure, list[Any]]:

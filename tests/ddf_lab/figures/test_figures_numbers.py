@@ -25,10 +25,6 @@ def test_paper_udf_trains_g_v_as_the_paper_does():
     assert (found.loop.learning_rate, found.loop.schedule) == (1e-4, "constant")
 
 
-def test_the_one_field_is_twice_as_wide_with_twice_the_samples():
-    config = figure_fields.FiguresConfig(steps=10, whole_steps=10)
-    part, whole = figure_fields.recipe("room", config), figure_fields.recipe("furnished", config)
-    assert [2 * width for width in part.field.hidden] == list(whole.field.hidden)
-    assert {kind: 2 * count for kind, count in part.samples.items()} == whole.samples
+def test_no_steps_are_refused():
     with pytest.raises(checks.InputError, match="steps must be >= 1; got 0"):
         figure_fields.FiguresConfig(steps=0)
