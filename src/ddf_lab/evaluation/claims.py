@@ -55,6 +55,11 @@ class Difference:
             return float(self.mean == 0 or math.isnan(self.error))
         return float(2 * special.stdtr(self.freedom, -abs(self.mean) / self.error))
 
+    @property
+    def half_interval(self) -> float:
+        """Half the width of the interval about the mean that holds the difference with a chance of 95 %."""
+        return float(special.stdtrit(self.freedom, 1 - LEVEL / 2) * self.error)
+
 
 def difference(first: Float[np.ndarray, "s n"], second: Float[np.ndarray, "r n"]) -> Difference:
     """How scores differ from others, those of a training in a row, of a shape in a column.

@@ -4,6 +4,7 @@ What is listed comes from the experiment's own index and config, never from what
 in the files depends on the day; times are those that the stages measured.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from ddf.core import storage
@@ -16,6 +17,8 @@ SECTIONS = (  # in the order of the page; each gives a `pages.Section` from the 
     run_sections.pictures_section,
     model_sections.baselines_section,
     model_sections.nearest_section,
+)
+FOLDED = (
     model_sections.one_cycle_section,
     run_sections.cameras_section,
     run_sections.training_section,
@@ -55,6 +58,7 @@ def build(found: stage_results.Results) -> pages.Page:
             "all. Pictures, losses and times are of the first."
         )
     sections = [section(found) for section in SECTIONS]
+    sections += [replace(section(found), folded=True) for section in FOLDED]
     (table, *_) = (block for block in sections[0].blocks if isinstance(block, pages.Table))
-    lead = [model_sections.verdict(table), tuple(facts)]
+    lead = [model_sections.verdict(table), model_sections.effects(found, table), tuple(facts)]
     return pages.Page(f"Results of the experiment {found.name}", lead, sections)

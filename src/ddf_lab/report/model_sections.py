@@ -1,5 +1,6 @@
 """Sections of the models' scores: the columns of the paper, a verdict, baselines, shapes far from training."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
@@ -50,6 +51,44 @@ def verdict(table: Table) -> str:
     """Which model is better than the others, in what, with either camera, in two sentences: bold cells of the table."""
     where = {"With the true camera": LARGE[0], "With the predicted camera": LARGE[1]}
     return " ".join(_sentence(each, _best(table, scores.column_label(column))) for each, column in where.items())
+
+
+def effects(results: Results, table: Table) -> Table:
+    """By how much the best model of each mean is better than the next, its interval and the number of shapes."""
+    scored, rows, metrics = [claims.by_head(each) for each in results.trainings], list[list[Cell | str]](), _COMPARED
+    for category, column in itertools.product(results.groups, LARGE):
+        cells, claimed, shapes = list[Cell | str](), _best(table, scores.column_label(column)), 0
+        for metric, label in metrics.items():
+            own = cloud_scores.METRICS[metric]
+            sign = -1 if own.better == "min" else 1
+            gaps = {
+                (one, two): gap
+                for (one, first), (two, second) in itertools.permutations(MODELS, 2)
+                if (gap := claims.of_tables(scored, category, (first, column), (second, column), own))
+            }
+            least = {
+                name: min((gap for (one, _), gap in gaps.items() if one == name), key=lambda gap: sign * gap.mean)
+                for name, _ in gaps
+            }
+            if least:
+                best = max(least, key=lambda name: sign * least[name].mean)
+                gap, shapes = least[best], least[best].shapes
+                by = f"{sign * gap.mean:.{own.digits}f} ± {gap.half_interval:.{own.digits}f}"
+                cells += [best, Cell(by, claimed.get((category, label)) == best)]
+            else:
+                cells += [scores.NOTHING] * 2
+        rows.append([category if column == LARGE[0] else "", scores.column_label(column), *cells, str(shapes)])
+    header = [
+        "",
+        "camera, points",
+        *(text for label in metrics.values() for text in (f"{label}: best", "by")),
+        "shapes",
+    ]
+    caption = (
+        f"By how much the best model is better than the next one, ± half the 95 % interval over test shapes and "
+        f"{results.seeds} training{'s' if results.seeds > 1 else ''} of each. Bold: claimed, see below."
+    )
+    return Table(caption, header, rows, labels=3)
 
 
 def _best(table: Table, column: str) -> dict[tuple[str, str], str]:

@@ -46,10 +46,11 @@ Block = str | tuple[str, ...] | Table | Figure  # a paragraph, a bullet list, a 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it: a picture first where there is one, then numbers."""
+    """A heading and what stands below it: a picture first where there is one, then numbers. folded: seen on a click."""
 
     title: str
     blocks: Sequence[Block]
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,8 @@ def markdown(page: Page) -> str:
     """GitHub-flavoured Markdown."""
     parts = [f"# {page.title}", *map(_block, page.lead)]
     for section in page.sections:
-        parts += [f"## {section.title}", *map(_block, section.blocks)]
+        around = ("<details markdown><summary>Open</summary>", "</details>") if section.folded else ("", "")
+        parts += [f"## {section.title}", *filter(None, (around[0], *map(_block, section.blocks), around[1]))]
     return "\n\n".join(parts) + "\n"
 
 

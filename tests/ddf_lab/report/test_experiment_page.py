@@ -47,7 +47,7 @@ def test_trained_rows_of_several_seeds_are_means_with_their_spread(seeded):
     rows = table[table["source"] == scoring.MEASURED].set_index(["category", "method", "column", "metric"])
     trained = rows.index.get_level_values("method").isin(seeds.TRAINED)
     assert (rows["seeds"] == trained + 1).all() and rows[trained]["spread"].notna().all()
-    ours = markdown_tables((both / "README.md").read_text())[0]
+    ours = markdown_tables((both / "README.md").read_text())[1]
     row = rows.loc[("chair", "ddf", "Pi_g-L", "chamfer_l2_sq_x1000")]
     assert ours[2][2] == f"{row['value']:.3f} ± {row['spread']:.3f}" and row["spread"] > 0
     assert all(("±" in cell) == line[1].endswith("L") for line in ours[2:] for cell in line[2:])

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from _experiment_report import markdown_tables
+from scipy import stats
 
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import claims, paper_results, scoring
@@ -29,7 +30,7 @@ def test_printed_values_are_those_of_the_table(reported):
     assert tuple(table.columns) == scoring.TABLE_FIELDS
     value = table.set_index(["source", "category", "method", "column", "metric"])["value"].to_dict()
     text = (folder / "README.md").read_text()
-    ours, shares, of_three, theirs, baselines = markdown_tables(text)[:5]
+    _, ours, shares, of_three, theirs, baselines = markdown_tables(text)[:6]
     assert "4 images of each category." in text
     large, every = model_sections.LARGE, model_sections.COLUMNS
     of_paper = _CATEGORIES[:2]  # it has no primitives
@@ -97,6 +98,26 @@ def test_bold_is_the_better_model_where_a_difference_is_seen(reported):
             assert triple == won
             bold += sum(won)
     assert bold > 0
+
+
+def test_effects_are_over_the_next_model_and_their_interval_is_of_a_paired_test(reported):
+    """Of one training SciPy's interval over shapes."""
+    results = stage_results.read_results(reported[1])
+    scored = results.per_image
+    more = pd.concat([scored.assign(id=scored["id"] + str(number)) for number in range(8)])
+    results = dataclasses.replace(results, trainings=[more])
+    (table, *_) = model_sections.results_section(results).blocks
+    row = model_sections.effects(results, table).rows[0]
+    means = {
+        name: more[(more["category"] == "chair") & (more["method"] == own) & (more["column"] == "Pi_g-L")]
+        .groupby("id")["f_score_tau"]
+        .mean()
+        for name, own in model_sections.MODELS
+    }
+    best, second, _ = sorted(means, key=lambda name: -means[name].mean())
+    low, high = stats.ttest_rel(means[best], means[second]).confidence_interval()
+    assert row[4] == best and row[6] == str(len(means[best]))
+    assert row[5].text == f"{50 * (low + high):.2f} ± {50 * (high - low):.2f}"
 
 
 def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
