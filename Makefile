@@ -52,8 +52,6 @@ publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where 
 	@$(RUN) -m ddf_lab.engine.publish "$$CONFIG"
 stale: $(READY) ## the pages and benchmarks in reports/ that other code than today's made
 	@$(RUN) -m ddf_lab.engine.stale
-dag: $(READY) ## the stages of CONFIG and what each waits for
-	$(run) --dag
 
 ##@ Quality
 test: $(READY) ## lint and types, the smoke pipeline, the site and unit tests, two side by side; then the viewer's page

@@ -20,7 +20,6 @@ def run(
     data: Annotated[str | None, Arg("DIR")] = None,
     launch: Annotated[str, Arg("CMD")] = "",
     changes: Annotated[list[str], Arg("KEY=VALUE", ("--set",), action="append")] = [],  # noqa: B006
-    dag: bool = False,
 ) -> dict[str, Any]:
     """An experiment file through all its stages, to tables, figures and report.
 
@@ -34,21 +33,15 @@ def run(
       data: holds ShapeNetCore.v1/ and ShapeNetRendering/; is remembered.
       launch: goes before every training command.
       changes: section.key=value: a variant of the experiment, in folders of its own.
-      dag: list the stages and what each waits for; run nothing.
 
     Examples:
       ddf run smoke
       ddf run configs/cpu.yaml --seeds 3 --jobs 2
       ddf run smoke --stage pointclouds --set pcsiren.steps=60 --set ddf.steps=60
       ddf run paper --data ~/shapenet --launch "srun --gres=gpu:1"
-      ddf run cpu --dag
     """
-    from ddf_lab.engine import graph, runner
+    from ddf_lab.engine import runner
 
-    if dag:
-        experiment = graph.experiment(config, changes)
-        lines = graph.table(graph.expand(experiment, seeds))
-        return {"stages": lines[1:], "table": lines, "verdict": f"{len(lines) - 1} stages of {experiment.name}"}
     out = runner.run(config, changes, stage, seeds, jobs, data or None, launch).as_posix()
     return {"out": out, "table": [], "verdict": out}
 

@@ -26,14 +26,7 @@ class Queried:
 
     @property
     def box(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-        """Lower and upper corner of the box that holds the surface, in the frame of the mesh.
-
-        Example:
-          >>> import ddf
-          >>> lower, upper = ddf.load("rabbit").box
-          >>> bool((lower < upper).all())
-          True
-        """
+        """Lower and upper corner of the box that holds the surface, in the frame of the mesh."""
         return self.corners.min(axis=0), self.corners.max(axis=0)
 
     @property

@@ -48,15 +48,6 @@ class Scene(queries.Queried):
           Distances (n) and unit directions (n, 3), 0 where the distance is 0.
         Raises:
           ValueError: a shape that is not (n, 3), a value that is not finite, or a field in which nothing is seen.
-
-        Example:
-          >>> import ddf, numpy as np
-          >>> above = np.eye(4)
-          >>> above[1, 3] = 4.0
-          >>> scene = ddf.compose([ddf.load("rabbit")] * 2, [np.eye(4), above])
-          >>> distances, directions = scene.udf([[0.0, 2.0, 0.0], [0.0, 6.0, 0.0]])
-          >>> bool(np.isclose(*distances)), bool(np.allclose(*directions))
-          (True, True)
         """
         asked = queries.require_points("positions", positions)
         asks = [field.udf for field in self._fields]

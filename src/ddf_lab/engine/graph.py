@@ -145,20 +145,3 @@ def needed(items: Sequence[Item], stages: Iterable[str]) -> list[Item]:
         if each.stage in stages or any(other.follows(each) for other in kept):
             kept.append(each)
     return kept[::-1]
-
-
-def table(items: Sequence[Item]) -> list[str]:
-    """A heading, then a line for each stage: its name, how many items it has, and the stages that it waits for.
-
-    A stage that another one of these waits for is left out.
-    """
-    before: dict[str, set[str]] = {}  # directly or not
-    rows = [("stage", "items", "after")]
-    for name in dict.fromkeys(item.stage for item in items):
-        own = [item for item in items if item.stage == name]
-        direct = {o.stage for o in items for item in own if o.stage != name and o.stage in before and item.follows(o)}
-        after = [o for o in before if o in direct and not any(o in before[other] for other in direct)]
-        before[name] = direct.union(*(before[other] for other in direct))
-        rows.append((name, str(len(own)), ", ".join(after)))
-    width = max(len(name) for name, _, _ in rows)
-    return [f"{name:{width}}  {count:>5}  {after}".rstrip() for name, count, after in rows]
