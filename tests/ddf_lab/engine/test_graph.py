@@ -64,10 +64,7 @@ def test_further_seeds_leave_the_stages_of_the_first_as_they_are():
     ("stage", "needs"),
     [
         ("samples", ["dataset", "meshes", "samples"]),
-        (
-            "export_onnx",
-            ["dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "train_ddf_image", "export_onnx"],
-        ),
+        ("export_onnx", ["dataset", "meshes", "samples", "train_ddf", "train_ddf_image", "export_onnx"]),
         ("report", [item.stage for item in ITEMS if item.stage != "export_onnx"]),
     ],
 )
