@@ -59,8 +59,7 @@ class Field(nn.Module):
         if isinstance(shape, patch_field.PatchField):
             self._ask: Any = _Patches(shape, SOFT if soft is None else soft * shape.field_from_mesh.scale)
         elif isinstance(shape, shape_field.ShapeField):
-            plain = shape.field if shape.modulations is None else pddf.baked(shape.field, shape.modulations)
-            self._ask = _Network(copy.deepcopy(plain), shape.lower, shape.upper)
+            self._ask = _Network(copy.deepcopy(shape.field), shape.lower, shape.upper)
         else:
             raise checks.InputError(f"give a field of ddf.load, fit, generate or reconstruct; got {type(field)}")
         self._field_from_mesh = shape.field_from_mesh.to_matrix()

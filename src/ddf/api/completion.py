@@ -185,11 +185,8 @@ def recover_pose(
     given = scan if isinstance(scan, scans.Scan) else scans.read(Path(scan))
     places = queries.require_poses("start", start)
     with extras.named():
-        from ddf.fields import shape_field
         from ddf.fit import completion
     shape = field.weights
-    if isinstance(shape, shape_field.ShapeField) and shape.modulations is not None:
-        raise checks.InputError("recover_pose takes the field of one shape, such as `ddf fit` makes")
     doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0, anyhow=True)
     several = [place.compose(shape.field_from_mesh.inverse()) for place in places]
     found = completion.find(shape, given, several, doubt, noise, seed)

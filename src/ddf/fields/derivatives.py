@@ -122,9 +122,7 @@ def adjoint_states(
 
 
 def tangent_states(
-    network: siren.SineNetwork,
-    slopes: Sequence[Float[Tensor, "*shapes n _"]],
-    directions: Float[Tensor, "*shapes n 3"],
+    network: siren.SineNetwork, slopes: Sequence[Float[Tensor, "*shapes n _"]], directions: Float[Tensor, "*shapes n 3"]
 ) -> list[Float[Tensor, "*shapes n _"]]:
     """ȧ_l = ∂a_l/∂p · t of every layer, first layer first."""
     states = [directions @ network.layers[0].weight[:, POSITION].T]

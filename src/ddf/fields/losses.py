@@ -144,10 +144,7 @@ def transition_loss(weight_rate: Float[Tensor, "*n"], speed: float) -> Float[Ten
 
 
 def shape_loss(
-    field: PDDF,
-    batch: sample_batch.SampleBatch,
-    modulations: list[Tensor] | None,
-    weights: LossWeights,
+    field: PDDF, batch: sample_batch.SampleBatch, modulations: list[Tensor] | None, weights: LossWeights
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """𝔏_S and its unweighted terms (detached).
 

@@ -1,6 +1,6 @@
 """A field fitted to one shape: its file, and how torch evaluates it; what it can be asked for is in `framed_field`."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ddf.core import checks, storage
 from ddf.fields import cloud_projection, field_file, field_outputs, field_values, framed_field, model_files, rendering
-from ddf.fields.pddf import PDDF, PDDFConfig, baked
+from ddf.fields.pddf import PDDF, PDDFConfig
 from ddf.geometry import transforms
 
 NEEDED = ("hidden", "omega_first", "omega_hidden", "depth_activation", "depth_sharpness")  # of a field's record
@@ -20,17 +20,13 @@ NEEDED = ("hidden", "omega_first", "omega_hidden", "depth_activation", "depth_sh
 
 @dataclass(frozen=True)
 class ShapeField:
-    """A trained field, its box (field frame), the map to its frame, and the record of its file.
-
-    modulations: of a conditional field, one a layer: those of the shape; None of a field of one shape alone.
-    """
+    """A trained field of one shape, its box (field frame), the map to its frame, and the record of its file."""
 
     field: PDDF
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
     field_from_mesh: transforms.Similarity
     record: dict[str, Any]
-    modulations: Sequence[Float[Tensor, "1 _"]] | None = None
 
     @property
     def parameters(self) -> int:
@@ -54,7 +50,7 @@ class ShapeField:
         """Named outputs inside the box, field frame, in the network's own type."""
         weight = self.field.network.head.weight
         inside, looking = (torch.from_numpy(values).to(weight) for values in (positions, directions))
-        found = field_values.evaluate(self.field, inside, looking, outputs, self.modulations)
+        found = field_values.evaluate(self.field, inside, looking, outputs)
         return {name: values.cpu().numpy() for name, values in found.items()}
 
 
@@ -73,22 +69,21 @@ def description(
     }
 
 
-def conditioned(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]] | None, v1_from_field: float) -> ShapeField:
-    """A conditional field of one shape: its box is the cube, the frame of the mesh is v1 (`transforms`)."""
+def in_cube(field: PDDF, v1_from_field: float) -> ShapeField:
+    """A field whose box is the cube, as conditional ones have it, and the frame of the mesh v1 (`transforms`)."""
     upper = np.full(3, rendering.CUBE_HALF)
-    return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {}, modulations)
+    return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {})
 
 
 def save(shape: ShapeField, folder: Path, record: dict[str, Any]) -> Path:
-    """A field as `ddf fit` writes it, modulations folded in; its file.
+    """A field as `ddf fit` writes it; its file.
 
     Args:
       record: fingerprint, seed and sources.
     """
-    field = shape.field if shape.modulations is None else baked(shape.field, shape.modulations)
-    described = description(field.config, shape.lower, shape.upper, shape.field_from_mesh)
+    described = description(shape.field.config, shape.lower, shape.upper, shape.field_from_mesh)
     path = folder / field_file.MODEL
-    storage.save_tensors(path, dict(field.state_dict()), {**record, **described})
+    storage.save_tensors(path, dict(shape.field.state_dict()), {**record, **described})
     return path
 
 
@@ -115,5 +110,5 @@ def cloud(
         raise checks.InputError(f"the number of points must be >= 1; got {count}")
     generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
     box = (shape.lower.tolist(), shape.upper.tolist())
-    kept = cloud_projection.draw(shape.field, shape.modulations, count, config, generator, box)
+    kept = cloud_projection.draw(shape.field, None, count, config, generator, box)
     return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

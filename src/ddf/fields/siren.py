@@ -32,10 +32,7 @@ class Activation:
 
 
 ACTIVATIONS = {
-    "relu": Activation(
-        lambda raw, sharpness: torch.relu(raw),
-        lambda raw, sharpness: (raw > 0).to(raw.dtype),
-    ),
+    "relu": Activation(lambda raw, sharpness: torch.relu(raw), lambda raw, sharpness: (raw > 0).to(raw.dtype)),
     "softplus": Activation(
         lambda raw, sharpness: nn.functional.softplus(raw, beta=sharpness),
         lambda raw, sharpness: torch.sigmoid(sharpness * raw),

@@ -107,11 +107,7 @@ def loss(
 
 
 @torch.no_grad()
-def from_candidates(
-    ask: Ask,
-    positions: Float[Tensor, "n 3"],
-    candidates: Float[Tensor, "n k 3"],
-) -> Closest:
+def from_candidates(ask: Ask, positions: Float[Tensor, "n 3"], candidates: Float[Tensor, "n k 3"]) -> Closest:
     """Distances and v* from candidates, by weights softmax(ξ_i / (η_T (ε_s + d_i))); one query a candidate.
 
     The distance is the least depth that is seen (derived here). The paper's, Σ w_i d_i, is too large.

@@ -179,11 +179,9 @@ class SurfaceScores:
     watertight: bool
 
 
-def compare_meshes(
-    mesh: Mesh, truth: Mesh, points: int = 10_000, tau_sq: float = TAU_SQ, seed: int = 0
-) -> SurfaceScores:
+def compare_meshes(mesh: Mesh, truth: Mesh, points: int = 10_000) -> SurfaceScores:
     """Scores of a mesh against the true one, by points drawn by area on both; both in one frame and unit."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     drawn, normals = zip(*(_draw(each, points, random) for each in (mesh, truth)), strict=True)
     distances, agreement = [], []
     for own, other in ((0, 1), (1, 0)):
@@ -191,7 +189,7 @@ def compare_meshes(
         distances.append(np.sqrt(dist_sq).mean())
         agreement.append(np.abs((normals[own] * normals[other][index]).sum(axis=1)).mean())
     return SurfaceScores(
-        compare_clouds(drawn[0], drawn[1], tau_sq),
+        compare_clouds(drawn[0], drawn[1]),
         float(np.mean(distances)),
         float(np.mean(agreement)),
         mesh_topology.is_watertight(mesh),

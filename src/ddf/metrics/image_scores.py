@@ -66,9 +66,7 @@ def in_order(kids: Mapping[str, float]) -> bool:
 
 
 def table(
-    sets: Mapping[str, Float[Tensor, "_ features"]],
-    real: Float[Tensor, "m features"],
-    subsets: Subsets,
+    sets: Mapping[str, Float[Tensor, "_ features"]], real: Float[Tensor, "m features"], subsets: Subsets
 ) -> dict[str, Any]:
     """Scores of every set of images by name, and whether KID ranks the spoiled ones as it must.
 

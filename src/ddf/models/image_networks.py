@@ -155,12 +155,7 @@ class Translator(nn.Module):
     Instance normalisation has no parameters, so convolutions have biases.
     """
 
-    def __init__(
-        self,
-        texture_features: int,
-        width: int = 64,
-        upsampling: Upsampling = "transposed",
-    ) -> None:
+    def __init__(self, texture_features: int, width: int = 64, upsampling: Upsampling = "transposed") -> None:
         super().__init__()
         self.first = nn.Conv2d(3 + texture_features, width, 7)
         self.body = nn.Sequential(

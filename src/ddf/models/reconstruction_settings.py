@@ -61,14 +61,8 @@ class FieldConfig(schema.Checked):
 
     def of(self, layout: siren.SineLayout) -> pddf.PDDFConfig:
         """The whole field on a sine network of this layout."""
-        return pddf.PDDFConfig(
-            layout.hidden,
-            layout.omega_first,
-            layout.omega_hidden,
-            self.depth_activation,
-            self.depth_sharpness,
-            self.direction_scale,
-        )
+        own = self.depth_activation, self.depth_sharpness, self.direction_scale
+        return pddf.PDDFConfig(layout.hidden, layout.omega_first, layout.omega_hidden, *own)
 
 
 @dataclass(frozen=True)

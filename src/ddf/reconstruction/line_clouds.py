@@ -55,9 +55,7 @@ def draw(field: line_field.ImageField, count: int, generator: torch.Generator) -
 
 
 def reconstruct(
-    model: line_field.ImageDDFModel,
-    images: category_data.ImageSet,
-    config: reconstruction_settings.PointcloudsConfig,
+    model: line_field.ImageDDFModel, images: category_data.ImageSet, config: reconstruction_settings.PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S of all images by the true camera (`L.true`) and by the predicted one (`L.pred`), predicted
     cameras and the overlap of silhouettes; and the facts, as `many_images.reconstruct_ddf`.

@@ -46,13 +46,10 @@ class Reconstructed:
 
 
 def placed(
-    field: pddf.PDDF,
-    modulations: Sequence[Float[Tensor, "1 _"]],
-    cloud: Float[Tensor, "n 3"],
-    scale: float,
+    field: pddf.PDDF, modulations: Sequence[Float[Tensor, "1 _"]], cloud: Float[Tensor, "n 3"], scale: float
 ) -> shape_field.ShapeField:
     """The field of one shape, frame of v1; its box is that of the cloud with a margin."""
-    whole = shape_field.conditioned(pddf.baked(field, modulations), None, scale)
+    whole = shape_field.in_cube(pddf.baked(field, modulations), scale)
     lower, upper = box_of(cloud, whole.lower, whole.upper)
     return dataclasses.replace(whole, lower=lower, upper=upper)
 
@@ -67,10 +64,7 @@ def box_of(
 
 
 def reconstruct(
-    trained: reconstruction_models.TrainedDDF,
-    pixels: UInt8[np.ndarray, "h w 4"],
-    points: int,
-    seed: int = 0,
+    trained: reconstruction_models.TrainedDDF, pixels: UInt8[np.ndarray, "h w 4"], points: int, seed: int = 0
 ) -> Reconstructed:
     """Frame the object, encode, draw the cloud, turn the camera until the cloud's field has the object's silhouette.
 

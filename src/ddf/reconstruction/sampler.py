@@ -42,7 +42,7 @@ def load(folder: Path) -> Sampler:
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
         field = generative_models.plain_field(model.decoder, latent.to(model.field_scale))
-        return shape_field.conditioned(field, None, 1 / float(model.field_scale))
+        return shape_field.in_cube(field, 1 / float(model.field_scale))
 
     features = model.decoder.modulator.layers[0].in_features
     return Sampler(features, decode, model if isinstance(model, generative_models.ImageGAN) else None)

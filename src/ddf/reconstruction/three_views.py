@@ -60,9 +60,7 @@ def of_latents(
 
 
 def of_features(
-    model: line_field.ImageDDFModel,
-    images: category_data.ImageSet,
-    config: reconstruction_settings.PointcloudsConfig,
+    model: line_field.ImageDDFModel, images: category_data.ImageSet, config: reconstruction_settings.PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict[str, list[str]]]:
     """Clouds L of the model with image features, and whose they are."""
 

@@ -7,7 +7,7 @@ present field would choose, cast against the training mesh: values alone, no der
 """
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,26 +70,19 @@ class Scenes:
         if missing:
             raise checks.InputError(f"{folder}: no prepared mesh of shape {missing[0]}; run the meshes stage again")
         self._places = [(places[name], name) for name in ids]
-        self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_Pack)
+        self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_scenes_of)
 
     def __getitem__(self, index: int, /) -> raycast.Scene:
         path, name = self._places[index]
-        return self._open(path).scene(name)
+        return self._open(path)(name)
 
 
-class _Pack:
-    """The meshes of one pack, each made a scene when it is first asked for."""
+def _scenes_of(pack: Path) -> Callable[[str], raycast.Scene]:
+    """Of the meshes of one pack, each made a scene when it is first asked for."""
+    from ddf.data import mesh_shards  # a step that casts no rays runs without its packages
 
-    def __init__(self, path: Path) -> None:
-        from ddf.data import mesh_shards  # a step that casts no rays runs without its packages
-
-        self._meshes = mesh_shards.read_pack(path).meshes
-        self._scenes: dict[str, raycast.Scene] = {}
-
-    def scene(self, name: str) -> raycast.Scene:
-        if name not in self._scenes:
-            self._scenes[name] = raycast.Scene(self._meshes[name])
-        return self._scenes[name]
+    meshes = mesh_shards.read_pack(pack).meshes
+    return functools.cache(lambda name: raycast.Scene(meshes[name]))
 
 
 @dataclass(frozen=True)

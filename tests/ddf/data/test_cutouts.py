@@ -74,8 +74,7 @@ def test_pictures_of_every_mode(tmp_path, mode):
 
 
 @pytest.mark.parametrize(
-    ("tag", "undo"),
-    [(3, Image.Transpose.ROTATE_180), (6, Image.Transpose.ROTATE_90), (8, Image.Transpose.ROTATE_270)],
+    ("tag", "undo"), [(3, Image.Transpose.ROTATE_180), (6, Image.Transpose.ROTATE_90), (8, Image.Transpose.ROTATE_270)]
 )
 def test_photographs_are_turned_as_their_exif_says(tmp_path, tag, undo):
     exif = Image.Exif()

@@ -62,9 +62,10 @@ def test_lathe_volume_converges_to_the_cylinder_as_the_square_of_the_sides():
 
 def test_tube_stays_at_its_radius_from_a_straight_path():
     path = np.linspace([0, 0, 0], [1, 2, 2], 5)
-    part = parts.tube(path, 0.25, PAINT, sides=7, caps=False)
+    part = parts.tube(path, 0.25, PAINT, sides=7)
     axis = np.array([1, 2, 2]) / 3
-    off_axis = part.vertices - np.outer(part.vertices @ axis, axis)
+    points = part.vertices[: 5 * 7]  # without those of the ends
+    off_axis = points - np.outer(points @ axis, axis)
     assert_close(np.linalg.norm(off_axis, axis=1), np.full(len(off_axis), 0.25), atol=1e-12)
 
 

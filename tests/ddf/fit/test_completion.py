@@ -103,12 +103,13 @@ def _chair():
     folder = shipped_models.place("chair")
     model, prior, _ = latent_prior.load(folder)
     prior = prior.widest(32)
+    return model, prior, shape_field.in_cube(pddf.baked(model.field, _modulations(model, prior)), 0.4)
+
+
+def _modulations(model, prior):
+    """Of the shape of `_chair`."""
     latent = prior.latents(0.5 * torch.randn(32, generator=torch.Generator().manual_seed(4)))
-    return (
-        model,
-        prior,
-        shape_field.conditioned(model.field, [each[0] for each in model.modulations(latent[None])], 0.4),
-    )
+    return [each[0].detach() for each in model.modulations(latent[None])]
 
 
 def _scan(shape, size=40):
@@ -160,10 +161,10 @@ def test_scans_that_say_nothing_are_told_apart():
 
 
 def test_interval_of_one_sure_shape_is_that_of_its_blur():
-    model, _, shape = _chair()
-    assert shape.modulations is not None
-    many, scatter = [each.expand(8, 1, -1) for each in shape.modulations], 0.02
-    found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, scatter, 1.0, 0.0, 0.03)
+    model, prior, shape = _chair()
+    own, scatter = _modulations(model, prior), 0.02
+    many = [each.expand(8, 1, -1) for each in own]
+    found = completion.Completed(PLACE, own, many, np.zeros(0), 1.0, scatter, 1.0, 0.0, 0.03)
     scan = _scan(shape, 24)
     ends = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
     low, high = ends
@@ -172,7 +173,7 @@ def test_interval_of_one_sure_shape_is_that_of_its_blur():
     along = inverse.apply_directions(scan.directions)
     entry, _, meets = rays.enter_box(inverse.apply(scan.positions), along, -np.ones(3), np.ones(3))
     entering = (torch.from_numpy(each[meets]).float() for each in (entry, along))
-    raw = model.field(*entering, list(shape.modulations))
+    raw = model.field(*entering, own)
     sure[meets] &= (pddf.weights(raw).amax(-1) > 0.999).numpy()
     assert sure.sum() > 5
     half = (high - low)[sure] / 2 / 0.4 / scatter
@@ -291,14 +292,13 @@ def test_noise_widens_in_field_units_and_only_what_the_field_sees_is_explained()
     found = completion.complete(model, prior, scan, PLACE, noise=0.01, config=config)
     assert found.width == pytest.approx(math.hypot(config.blur, 0.01 / 0.4))
     problem = completion._Problem(model, prior, config.blur, config)
-    assert shape.modulations is not None
-    given = problem, scan, PLACE, list(shape.modulations)
+    given = problem, scan, PLACE, _modulations(model, prior)
     assert completion._residuals(*given)[1] > 0.95
     inverse = PLACE.inverse()
     along = inverse.apply_directions(scan.directions)
     entry, way, meets = rays.enter_box(inverse.apply(scan.positions), along, -np.ones(3), np.ones(3))
     with torch.no_grad():
-        raw = model.field(*(torch.from_numpy(each).float() for each in (entry, along)), list(shape.modulations))
+        raw = model.field(*(torch.from_numpy(each).float() for each in (entry, along)), given[3])
     depth = (way + model.field.depth(raw).double().numpy()) * 0.4  # where the surface would be, did the field see it
     unseen = meets & (raw[:, pddf.VISIBILITY_ROW] < 0).numpy()
     ghosts = dataclasses.replace(scan, ranges=np.where(unseen, depth, np.inf))

@@ -55,7 +55,7 @@ def test_a_plain_field_is_the_decoder_at_a_latent():
 def test_a_sample_opens_as_any_field_does(tmp_path):
     model = _generative.vae()
     plain = generative_models.plain_field(model.decoder, torch.ones(5))
-    shape = shape_field.conditioned(plain, None, 1 / 2.5)
+    shape = shape_field.in_cube(plain, 1 / 2.5)
     shape_field.save(shape, tmp_path, {"fingerprint": "x", "seed": 0, "sources": {}})
     loaded = shape_field.load(tmp_path)
     positions, directions = _models.points(10)

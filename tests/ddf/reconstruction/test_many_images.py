@@ -53,11 +53,7 @@ CORRECTED = dataclasses.replace(
 
 
 def test_images_at_a_time_change_no_bit(monkeypatch):
-    model, images, deviation = (
-        _models.ddf_model("angle"),
-        _hand_made.images(),
-        torch.ones(TRAIN.latent_features),
-    )
+    model, images, deviation = (_models.ddf_model("angle"), _hand_made.images(), torch.ones(TRAIN.latent_features))
     results = []
     for cores in (1, 3):
         usable = range(cores * torch.get_num_threads())

@@ -30,9 +30,8 @@ def md2_surfaces(data: bytes) -> Surfaces:
     """The triangles of a file in its frame, z up; coordinates are of 8 bits, skins lack the ending of their picture."""
     if len(data) < _HEADER.size or not data.startswith(b"IDP2"):
         raise checks.InputError("not an MD2 file: it must begin with IDP2")
-    _, _, width, height, _, skins, points, places, count, _, _, skin, place, triangle, frame, *_ = _HEADER.unpack_from(
-        data
-    )
+    head = _HEADER.unpack_from(data)
+    _, _, width, height, _, skins, points, places, count, _, _, skin, place, triangle, frame, *_ = head
     try:
         scale, origin = np.frombuffer(data, "<f4", 6, frame).reshape(2, 3).astype(np.float64)
         packed = np.frombuffer(data, "u1", 4 * points, frame + _FRAME).reshape(-1, 4)[:, :3]
@@ -44,17 +43,9 @@ def md2_surfaces(data: bytes) -> Surfaces:
     if count and corners.max() >= points:
         raise checks.InputError("damaged MD2 file: a triangle uses a point that is not there")
     names = [data[skin : skin + _SKIN].split(b"\0")[0].decode("ascii", "replace").lstrip(".")][:skins]
-    none = np.full(count, -1)
-    return Surfaces(
-        packed * scale + origin,
-        np.full(count, 3),
-        corners,
-        uvs * (1, -1) + (0, 1),
-        none,
-        none + len(names),
-        (),
-        tuple(names),
-    )
+    none, uvs = np.full(count, -1), uvs * (1, -1) + (0, 1)
+    vertices, counts = packed * scale + origin, np.full(count, 3)
+    return Surfaces(vertices, counts, corners, uvs, none, none + len(names), (), tuple(names))
 
 
 LARGEST = 256  # pixels of a picture; views have 137

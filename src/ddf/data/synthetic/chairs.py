@@ -78,9 +78,9 @@ def build_wide(rng: np.random.Generator) -> list[Part]:
     return [part.scaled(*factors) for part in family(rng)]
 
 
-def _frame(rng: np.random.Generator, *, low: bool = False, metal: float = 0.4) -> Frame:
+def _frame(rng: np.random.Generator, *, low: bool = False) -> Frame:
     """Measures of any chair, or of one to lean back in."""
-    wood, cloth = palette.chair(rng, is_metal=rng.random() < metal)
+    wood, cloth = palette.chair(rng, is_metal=rng.random() < 0.4)
     return _drawn(rng, "low" if low else "any", wood, cloth)
 
 

@@ -91,12 +91,12 @@ def join(items: Sequence[Part], name: str | None = None) -> Part:
     )
 
 
-def fan(ring: Float[np.ndarray, "s 3"], paint: Paint, *, name: str = "part") -> Part:
+def fan(ring: Float[np.ndarray, "s 3"], paint: Paint) -> Part:
     """The disc inside a closed ring, around its mean point, facing the side where the ring runs counter-clockwise."""
     count = len(ring)
     nodes = np.arange(count)
     triangles = np.stack([np.full(count, count), nodes, (nodes + 1) % count], axis=1)
-    return Part(np.concatenate([ring, ring.mean(axis=0, keepdims=True)]), triangles, paint, name)
+    return Part(np.concatenate([ring, ring.mean(axis=0, keepdims=True)]), triangles, paint)
 
 
 def hexahedron(
@@ -113,14 +113,7 @@ def rectangle(x: tuple[Real, Real], z: tuple[Real, Real], y: Real) -> Float[np.n
     return np.array([[x[0], y, z[1]], [x[1], y, z[1]], [x[1], y, z[0]], [x[0], y, z[0]]])
 
 
-def box(
-    centre: Point,
-    size: Point,
-    paint: Paint,
-    *,
-    taper: tuple[Real, Real] = (1.0, 1.0),
-    name: str = "part",
-) -> Part:
+def box(centre: Point, size: Point, paint: Paint, *, taper: tuple[Real, Real] = (1.0, 1.0), name: str = "part") -> Part:
     """An upright box; `taper` scales its top in x and z."""
     (cx, cy, cz), (hx, hy, hz) = centre, np.asarray(size, dtype=np.float64) / 2
     tx, tz = hx * taper[0], hz * taper[1]
@@ -136,18 +129,11 @@ def ring(sides: int, width: Real = 1.0, height: Real = 1.0, power: Real = 2.0) -
     return np.stack([width / 2 * radius * cos, height / 2 * radius * sin], axis=1)
 
 
-def loft(
-    sections: Float[np.ndarray, "k s 3"], paint: Paint, *, caps: tuple[bool, bool] = (True, True), name: str = "part"
-) -> Part:
+def loft(sections: Float[np.ndarray, "k s 3"], paint: Paint, *, caps: bool = True, name: str = "part") -> Part:
     """A skin through closed sections that run counter-clockwise seen from the last section, with flat ends."""
     skin = grid(sections, paint, close_b=True, name=name)
     skin = replace(skin, triangles=skin.triangles[:, ::-1])
-    pieces = [skin]
-    if caps[0]:
-        pieces.append(fan(sections[0][::-1], paint))
-    if caps[1]:
-        pieces.append(fan(sections[-1], paint))
-    return join(pieces, name)
+    return join([skin, fan(sections[0][::-1], paint), fan(sections[-1], paint)], name) if caps else join([skin], name)
 
 
 def _frames(path: Float[np.ndarray, "k 3"]) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"]]:
@@ -170,7 +156,6 @@ def tube(
     paint: Paint,
     *,
     sides: int = 8,
-    caps: bool = True,
     closed: bool = False,
     profile: Float[np.ndarray, "s 2"] | None = None,
     name: str = "part",
@@ -178,7 +163,7 @@ def tube(
     """A tube along a path, mitred at corners; `radius` may change from point to point.
 
     Args:
-      closed: join the end to the start (no caps).
+      closed: join the end to the start.
       profile: a cross-section of unit radius in place of the regular polygon, counter-clockwise.
     """
     points = np.asarray(path, dtype=np.float64)
@@ -194,7 +179,7 @@ def tube(
     if closed:
         skin = grid(sections, paint, close_a=True, close_b=True, name=name)
         return replace(skin, triangles=skin.triangles[:, ::-1])
-    return loft(sections, paint, caps=(caps, caps), name=name)
+    return loft(sections, paint, name=name)
 
 
 SQUARE = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
@@ -216,7 +201,7 @@ def lathe(
     sections[..., along] = outline[:, 1:]
     sections[..., i] = outline[:, :1] * np.cos(angle)
     sections[..., j] = outline[:, :1] * np.sin(angle)
-    return loft(sections, paint, caps=(False, False), name=name)
+    return loft(sections, paint, caps=False, name=name)
 
 
 def disc_profile(radius: Real, half: Real, bevel: Real = 0.0) -> list[tuple[float, float]]:

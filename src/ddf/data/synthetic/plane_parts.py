@@ -37,9 +37,9 @@ class Wing:
         return self.root + share * (self.tip - self.root)
 
 
-def _airfoil(count: int = 6) -> Float[np.ndarray, "s 2"]:
+def _airfoil() -> Float[np.ndarray, "s 2"]:
     """A symmetric section of unit chord and thickness, from the trailing edge over the top and back: (behind, up)."""
-    t = (1 - np.cos(np.linspace(0, np.pi, count))) / 2
+    t = (1 - np.cos(np.linspace(0, np.pi, 6))) / 2
     half = 5 * 0.2 * (1.4845 * np.sqrt(t) - 0.63 * t - 1.758 * t**2 + 1.4215 * t**3 - 0.518 * t**4)
     upper = np.stack([t[::-1], half[::-1]], axis=1)
     lower = np.stack([t[1:-1], -half[1:-1]], axis=1)
@@ -199,14 +199,7 @@ def tail(
 
 
 def wide_tail(
-    rng: np.random.Generator,
-    paint: Paint,
-    accent: Paint,
-    top: Real,
-    *,
-    t_tail: bool,
-    size: Real = 1.0,
-    vee: Real = 0.0,
+    rng: np.random.Generator, paint: Paint, accent: Paint, top: Real, *, t_tail: bool, size: Real = 1.0, vee: Real = 0.0
 ) -> list[Part]:
     """Fin and tail plane as of `tail`, wider in range; with odds `vee` two fins that lean out in place of both."""
     size = size * rng.uniform(0.8, 1.2)
