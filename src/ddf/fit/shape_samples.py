@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from ddf.data.samples import sample_batch
 
 HELD_OUT = 10_000  # of each type, for the errors
-THIN_BOX = (
-    0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
-)
+THIN_BOX = 0.05  # of its longest side: a thinner mesh is fitted in the cube, for its own box has no room for rays
 
 
 @dataclass(frozen=True)

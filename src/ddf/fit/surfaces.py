@@ -23,9 +23,7 @@ from ddf.geometry import carved_surface, rays, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
 
 DIRECTIONS = 32  # asked through a point
-NEAR = (
-    0.05  # of the longest side of the box: a hit counts that is nearer to the point, and inner points are asked thence
-)
+NEAR = 0.05  # of the box's longest side: a hit counts that is nearer to the point, and inner points are asked thence
 SQUARE = 0.25  # how much of that distance a grazing look costs; small: the nearest hit decides
 
 

@@ -145,9 +145,9 @@ class Union:
         return values[index, torch.arange(len(index))]
 
 
-def two_spheres(radius: float = 0.4, distance: float = 1.1) -> Union:
+def two_spheres() -> Union:
     """Two equal spheres side by side along x."""
-    return Union((Sphere((-distance / 2, 0.0, 0.0), radius), Sphere((distance / 2, 0.0, 0.0), radius)))
+    return Union((Sphere((-0.55, 0.0, 0.0), 0.4), Sphere((0.55, 0.0, 0.0), 0.4)))
 
 
 def _inf_unless(values: Float[Tensor, "n"], keep: Bool[Tensor, "n"]) -> Float[Tensor, "n"]:

@@ -73,18 +73,18 @@ def load(path: Path) -> OnnxField:
     if looping and (looping != ["Loop"] or not _is_bounded(data)):
         raise checks.InputError(f"{path}: has a node {looping[0]}, as no file of `ddf export` has")
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = _usable_cores()  # named, so that onnxruntime pins none of them
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    options.intra_op_num_threads = cores  # named, so that onnxruntime pins none of them
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # it doubles the time of a busy machine
     options.log_severity_level = 4
     arena = onnxruntime.OrtArenaCfg(max(_FEW, 100 * len(data)), -1, -1, -1)  # bytes at most; the rest as it is
-    onnxruntime.create_and_register_allocator(_memory(), arena)  # of the sessions that follow
+    kinds = onnxruntime.OrtAllocatorType, onnxruntime.OrtMemType
+    memory = onnxruntime.OrtMemoryInfo("Cpu", kinds[0].ORT_ARENA_ALLOCATOR, 0, kinds[1].DEFAULT)
+    onnxruntime.create_and_register_allocator(memory, arena)  # of the sessions that follow
     options.add_session_config_entry("session.use_env_allocators", "1")
     options.add_session_config_entry(_FOLDED, str(max(_FEW // 16, 4 * len(data))))
     try:
-        how: dict[str, Any] = {
-            "providers": ["CPUExecutionProvider"],
-            "enable_fallback": 0,
-        }  # that prints, and tries again
+        how: dict[str, Any] = {"providers": ["CPUExecutionProvider"], "enable_fallback": 0}  # which would try again
         session = onnxruntime.InferenceSession(data, options, **how)
         inputs = [value.name for value in session.get_inputs()]
         facts = session.get_modelmeta().custom_metadata_map
@@ -120,21 +120,9 @@ def _is_bounded(data: bytes) -> bool:
         return False
 
 
-def _memory() -> onnxruntime.OrtMemoryInfo:
-    kinds = onnxruntime.OrtAllocatorType, onnxruntime.OrtMemType
-    return onnxruntime.OrtMemoryInfo("Cpu", kinds[0].ORT_ARENA_ALLOCATOR, 0, kinds[1].DEFAULT)
-
-
 def _similarity(text: str) -> transforms.Similarity:
     """The map in the file; the identity where it says in words that there is none."""
-    if text.startswith("none"):
-        return transforms.Similarity()
-    values: dict[str, Any] = json.loads(text)
-    return transforms.Similarity.from_dict(values)
-
-
-def _usable_cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return transforms.Similarity() if text.startswith("none") else transforms.Similarity.from_dict(json.loads(text))
 
 
 def _line(error: Exception) -> str:

@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ddf.core import checks
 from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
@@ -70,8 +69,7 @@ class FieldGraph(Graph):
         self.inputs = {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
         self.what = "directed distance field of one shape: oriented points to visibility, depth and more"
         if modulator is not None:
-            if latents is None:
-                raise checks.InputError("latents must be given with a modulator: the check needs examples")
+            assert latents is not None  # examples for the check
             self.examples = {"latent": latents}
             self.inputs["latent"] = (1, latents.shape[-1])
             self.what = "directed distance field conditioned on the latent of a shape"

@@ -52,11 +52,10 @@ class Row:
     unclear: int
 
 
-def session(data: bytes, threads: int = 1) -> onnxruntime.InferenceSession:
-    """A CPU session with a fixed number of threads."""
+def session(data: bytes) -> onnxruntime.InferenceSession:
+    """A CPU session with one thread."""
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3
     return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
 
@@ -134,12 +133,12 @@ def example_inputs(graph: Graph, count: int, generator: torch.Generator) -> dict
     }
 
 
-def box_rays(dtype: torch.dtype = torch.float32) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+def box_rays() -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
     """Every corner, edge middle, face middle and the centre of the box, with the 26 directions of that lattice.
 
     Most directions have components that are exactly 0; they are given once as 0.0 and once as -0.0.
     """
-    lattice = torch.tensor(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)), dtype=dtype)
+    lattice = torch.tensor(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
     directions = nn.functional.normalize(lattice[lattice.square().sum(-1) > 0], dim=-1)
     directions = torch.cat((directions, torch.where(directions == 0, -0.0, directions)))
     return lattice.repeat_interleave(len(directions), dim=0), directions.repeat(len(lattice), 1)

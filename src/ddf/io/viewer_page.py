@@ -100,11 +100,7 @@ def placed(field: BakedField, world_from_mesh: transforms.Similarity, name: str 
 
 
 def together(fields: list[BakedField]) -> tuple[list[dict[str, Any]], Float32[np.ndarray, "n"]]:
-    """Records and numbers of several fields, as one block; numbers that fields share are there once. InputError where
-    there is none.
-    """
-    if not fields:
-        raise checks.InputError("a page needs at least one field; got none")
+    """Records and numbers of several fields, as one block; numbers that fields share are there once."""
     offsets: dict[int, int] = {}
     numbers, total = [], 0
     for field in fields:
@@ -201,7 +197,7 @@ def _beside(box: Float[np.ndarray, "8 3"], side: float, reach: float, up: str) -
 
 
 def render(page: Page) -> bytes:
-    """The page as a file: the template with its marks `{{name}}` replaced. InputError where there is no field."""
+    """The page as a file: the template with its marks `{{name}}` replaced."""
     records, numbers = together(page.fields)
     record: dict[str, Any] = {
         "title": page.title,
