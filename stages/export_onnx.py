@@ -14,14 +14,11 @@ def make(run: Run) -> None:
     """Write one file per graph and onnx_parity.csv."""
     section = onnx_file.ExportConfig()
     out_dir = run.folder("export_onnx")
-    sources, rows = [], []
-    for model in ("ddf", "ddf_image"):
-        folder = run.folder(f"train_{model}")
-        graphs, source = onnx_file.load_graphs(folder, section.outputs)
-        sources.append(folder / model_files.MODEL)
-        for name, graph in graphs.items():
-            rows += onnx_file.export(graph, name, out_dir / f"{name}.onnx", source, section)
+    folder, rows = run.folder("train_ddf"), []
+    graphs, source = onnx_file.load_graphs(folder, section.outputs)
+    for name, graph in graphs.items():
+        rows += onnx_file.export(graph, name, out_dir / f"{name}.onnx", source, section)
     table = pd.DataFrame(rows)
     table.insert(0, "category", run.category)
-    record = provenance.record([section], section.seed, sources, onnx_file)
+    record = provenance.record([section], section.seed, [folder / model_files.MODEL], onnx_file)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)

@@ -86,7 +86,7 @@ def compare(data: bytes, name: str, graph: Graph, batches: Sequence[int], seed: 
     lengths = sorted({min(length, graph.largest_batch or length) for length in batches})
     sets = {f"random {length}": example_inputs(graph, length, generator) for length in lengths}
     sets[HARD] = hard_inputs(graph, generator)
-    sets[NO_ROWS] = example_inputs(graph, 0, generator) if graph.may_be_empty else {}
+    sets[NO_ROWS] = example_inputs(graph, 0, generator)
     rows: list[Row] = []
     for cases, inputs in sets.items():
         if not inputs:
