@@ -167,13 +167,6 @@ def test_notebook_runs_cell_by_cell(tmp_path, monkeypatch):
     assert namespace["found"].points.shape == (200, 3) and len(cells) >= 6
 
 
-def test_notebook_is_stripped():
-    assert NOTEBOOK["nbformat"] == 4
-    for cell in NOTEBOOK["cells"]:
-        assert cell["metadata"] == {}
-        assert cell["cell_type"] == "markdown" or (cell["outputs"], cell["execution_count"]) == ([], None)
-
-
 def test_every_script_is_tested_and_listed():
     tested = {name.removeprefix("test_") + ".py" for name in globals() if name.startswith("test_")}
     assert SCRIPTS <= tested

@@ -147,22 +147,3 @@ def test_the_wheel_holds_the_library_and_the_sdist_docs_and_examples(wheel):
     listing = ["git", "ls-files", "docs", "examples", "src/ddf"]
     tracked = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True)
     assert set(tracked.stdout.splitlines()) <= names
-
-
-@pytest.mark.slow
-def test_indexes_and_type_checkers_take_it(wheel, tmp_path):
-    environment(tmp_path, "3.11", wheel, "")
-    user = 'import ddf\nfield = ddf.load("rabbit")\nfield.render(size="large")\n'
-    (tmp_path / "user.py").write_text(user, encoding="utf-8")
-
-    def told(*words: object) -> str:
-        command = [UV, "tool", "run", "-q", *map(str, words)]
-        done = subprocess.run(command, cwd=tmp_path, env=ALONE, capture_output=True, text=True, timeout=300)
-        if "Failed to fetch" in done.stderr or "No solution found" in done.stderr:
-            pytest.skip(f"{words[0]} cannot be had: {done.stderr[-200:]}")
-        return done.stdout + done.stderr
-
-    assert told("twine", "check", "--strict", *wheel.parent.glob("directed*")).count("PASSED") == 2
-    assert told("check-wheel-contents", wheel).strip().endswith("OK")
-    found = told("mypy", "--strict", "--python-executable", tmp_path / "env/bin/python", "user.py")
-    assert found.count("error:") == 1 and 'incompatible type "str"; expected "int"' in found

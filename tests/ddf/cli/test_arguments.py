@@ -59,16 +59,6 @@ def test_a_camera_past_upright_is_refused(capsys):
         ddf.load("rabbit").render(elevation_deg=-91, size=8)
 
 
-def test_comparing_millimetres_with_metres_tells_the_factor(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    cube().save("m.obj")
-    mesh_io.Mesh(1000 * cube().vertices, cube().faces).save("mm.obj")
-    assert cli.main(["compare", "mm.obj", "m.obj"]) == 0
-    assert "the prediction's box is 1,000 times the truth's: are its units others?" in capsys.readouterr().out
-    assert cli.main(["compare", "m.obj", "m.obj"]) == 0
-    assert "are its units" not in capsys.readouterr().out
-
-
 def test_python_runs_the_package_as_the_command():
     said = subprocess.run([sys.executable, "-m", "ddf", "--version"], capture_output=True, text=True, check=True).stdout
     assert said.startswith("ddf ")

@@ -53,13 +53,6 @@ def test_json_is_one_object_whatever_libraries_print(command, capfd):
     assert "native chatter" in captured.err
 
 
-def test_people_get_a_table_and_a_verdict(command, shown):
-    command(lambda args: {"a": {"b": 1}, "long": "x"})
-    assert shown("doctor") == ["a.b   1", "long  x"]
-    command(lambda args: {"a": 1, "table": {"shown": 2}, "verdict": "good"})
-    assert shown("doctor") == ["shown  2", "good"]
-
-
 @pytest.mark.parametrize(
     ("error", "line"),
     [
@@ -92,25 +85,6 @@ def test_bugs_keep_their_traceback(command, error):
 def _leaves(*arguments):
     with pytest.raises(SystemExit, match="0"):
         cli.main(arguments)
-
-
-@pytest.mark.parametrize("name", commands.COMMANDS)
-def test_every_command_has_help_with_examples(name, capsys):
-    _leaves(name, "--help")
-    shown = capsys.readouterr().out
-    assert "--json" in shown and f"examples:\n  ddf {name}" in shown
-
-
-def test_the_help_names_every_command_in_its_room(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    assert cli.main([]) == 0
-    bare = capsys.readouterr().out
-    _leaves("--help")
-    assert capsys.readouterr().out == bare
-    for name, command in commands.COMMANDS.items():
-        assert " ".join(bare.split()).count(f" {name} {command.summary}") == 1
-        assert command.room in commands.ROOMS
-    assert max(map(len, bare.splitlines())) <= 80
 
 
 def _fresh(program, *arguments, **environment):

@@ -52,11 +52,6 @@ def test_a_far_triangle_without_area_moves_neither_samples_nor_fit(cases, tmp_pa
         assert (frame["scale"], frame["translation"]) == (2, [-1, -1, -1])
 
 
-def test_a_synset_given_twice_is_refused(cases, tmp_path, refusal):
-    line = refusal("split", cases / "ids_repeated_key.json", "--out", tmp_path / "lists")
-    assert "'03001627' is given twice" in line
-
-
 SCANS = {  # of round4, what is refused and how, or how many hits are read and what of the file is told
     "d_k4.npz": "are of another image than 64 x 64",
     "d_k7.npz": "intrinsics must be",

@@ -113,16 +113,6 @@ def test_failures_are_recorded_and_survive_a_resume(out_dir):
     assert (out_dir / "001.txt").read_text().split() == ["16", "36", "49"]
 
 
-def test_up_to_five_items_left_out_are_said_and_how_many_there_are(out_dir, capsys):
-    for bad in (5, 6):
-        _map(out_dir.with_name(str(bad)), items=range(400), bad=range(bad), shard_size=200)
-        said = [line for line in capsys.readouterr().err.splitlines() if "left out" in line]
-        assert said[:5] == [f"square: left out {i}: is bad" for i in range(5)]
-        assert said[5:] == (
-            [f"square: 6 left out in all, listed in {out_dir.with_name('6') / 'failures.csv'}"] if bad == 6 else []
-        )
-
-
 @pytest.mark.parametrize(
     ("total", "bad", "ok"), [(10, 1, True), (10, 2, False), (1, 1, False), (50, 1, True), (60, 2, False)]
 )

@@ -2,16 +2,13 @@
 
 import errno
 import os
-import resource
-import signal
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
-from joblib.externals import loky
 
-from ddf.core import checks, errors, storage
+from ddf.core import checks, storage
 
 ARRAYS = {
     "positions": np.arange(12, dtype=np.int16).reshape(2, 2, 3),
@@ -46,13 +43,6 @@ def test_tensors_come_back_bit_for_bit(tmp_path, framework):
     assert storage.load_metadata(path)["ids"] == ["a", "b"]
 
 
-def test_equal_input_gives_equal_bytes(tmp_path):
-    first, second = tmp_path / "0.safetensors", tmp_path / "1.safetensors"
-    storage.save_tensors(first, ARRAYS, {"b": 1, "a": 2})
-    storage.save_tensors(second, ARRAYS, {"b": 1, "a": 2})
-    assert first.read_bytes() == second.read_bytes()
-
-
 def test_table_comes_back_bit_for_bit(tmp_path):
     table = pd.DataFrame({"id": ["a", "b,c"], "value": [1 / 3, 1e-300], "count": [1, 2]})
     storage.save_table(tmp_path / "t.csv", table, {"seed": 1})
@@ -67,24 +57,16 @@ def _small_files(folder):
     return {folder / "a.safetensors": storage.load_tensors, folder / "a.csv": storage.load_table}
 
 
-def test_every_flipped_bit_position_is_noticed(tmp_path):
+def test_every_flipped_bit_and_every_truncation_is_noticed(tmp_path):
     for path, load in _small_files(tmp_path).items():
         good = path.read_bytes()
         for i in range(len(good)):
-            path.write_bytes(good[:i] + bytes([good[i] ^ (1 << (i % 8))]) + good[i + 1 :])
-            with pytest.raises(checks.InputError, match=path.name):
-                load(path)
+            for damaged in (good[:i] + bytes([good[i] ^ (1 << (i % 8))]) + good[i + 1 :], good[:i]):
+                path.write_bytes(damaged)
+                with pytest.raises(checks.InputError, match=path.name):
+                    load(path)
         path.write_bytes(good)
         load(path)
-
-
-def test_every_truncation_is_noticed(tmp_path):
-    for path, load in _small_files(tmp_path).items():
-        good = path.read_bytes()
-        for length in range(len(good)):
-            path.write_bytes(good[:length])
-            with pytest.raises(checks.InputError, match=path.name):
-                load(path)
 
 
 def test_foreign_files_are_refused_in_one_line(tmp_path):
@@ -93,6 +75,9 @@ def test_foreign_files_are_refused_in_one_line(tmp_path):
         with pytest.raises(checks.InputError, match=r"f\.safetensors") as caught:
             storage.load_tensors(tmp_path / "f.safetensors")
         assert "\n" not in str(caught.value)
+    (tmp_path / "a.json").write_text("{")
+    with pytest.raises(checks.InputError, match=r"a\.json: not valid JSON"):
+        storage.read_json(tmp_path / "a.json")
 
 
 def test_a_missing_file_is_named(tmp_path):
@@ -119,20 +104,6 @@ def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match=r"No space left on device.*a\.safetensors"):
         storage.save_tensors(tmp_path / "a.safetensors", ARRAYS, {})
-    assert os.listdir(tmp_path) == []
-
-
-def _fill_disk(folder: str, name: str) -> None:
-    """Write more than the limit on the size of files, which stands for a full disk."""
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-    storage.write_bytes(os.path.join(folder, name), b"x" * 2000)
-
-
-def test_an_error_of_the_disk_names_the_file_even_from_another_process(tmp_path):
-    with loky.ProcessPoolExecutor(max_workers=1) as executor, pytest.raises(OSError, match="too large") as caught:
-        executor.submit(_fill_disk, str(tmp_path), "a.csv").result()
-    assert errors.describe(caught.value) == f"File too large: {tmp_path / 'a.csv'}"
     assert os.listdir(tmp_path) == []
 
 
@@ -206,9 +177,3 @@ def test_checksum_of_a_folder_sees_names_and_contents(tmp_path):
     first = make("a", {"x": "1", "d/y": "2"})
     assert make("b", {"d/y": "2", "x": "1"}) == first
     assert len({first, make("c", {"x": "2", "d/y": "1"}), make("d", {"x": "1", "y": "2"}), make("e", {"x": "1"})}) == 4
-
-
-def test_read_json_names_a_damaged_file(tmp_path):
-    (tmp_path / "a.json").write_text("{")
-    with pytest.raises(checks.InputError, match=r"a\.json: not valid JSON"):
-        storage.read_json(tmp_path / "a.json")

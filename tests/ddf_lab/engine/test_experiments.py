@@ -66,15 +66,6 @@ def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
         graph.experiment("smoke_generative", ["dataset.categories={chair: 4, car: 4}"])
 
 
-def test_a_new_experiment_is_one_new_file(folder):
-    text = (folder / "configs/smoke.yaml").read_text().replace("{primitives: 12}", "{chair: 4, plane: 4}")
-    (folder / "configs/mine.yaml").write_text(text)
-    items = [item.name for item in graph.expand(graph.experiment("mine"), seeds=2)]
-    names = [f"train_ddf@mine-{name}" for name in ("chair", "plane", "chair-1", "plane-1")]
-    assert [name for name in items if name.startswith("train_ddf@")] == names
-    assert items[0] == "dataset@mine" and items[-1] == "report@mine"
-
-
 @pytest.mark.parametrize("name", ["my exp", "$(touch PWN)", "a;b", "a-b"])
 def test_names_that_a_shell_would_read_are_refused_wherever_they_stand(folder, name):
     shutil.copy(SMOKE, folder / "configs" / f"{name}.yaml")
@@ -111,20 +102,3 @@ def test_a_variant_has_a_name_of_its_changes(folder):
     (item,) = (item for item in graph.expand(found) if item.stage == "train_pcsiren")
     assert item.command.endswith(f"--config {found.file} --category primitives")
     assert item.outputs == [f"artifacts/{found.name}/train_pcsiren/primitives"]
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "message"),
-    [
-        ("smoke", ["pcsiren.steps=x"], r"--set pcsiren\.steps=x: pcsiren\.steps must be of type int; got 'x'"),
-        (
-            "nothing",
-            [],
-            "nothing: no such file, nor the name of one; there are fit, long_fit, paper, paper_fit, simple_fit, smoke",
-        ),
-    ],
-)
-def test_what_makes_no_sense_is_one_line_and_writes_nothing(folder, name, change, message):
-    with pytest.raises(checks.InputError, match=f"^{message}"):
-        graph.experiment(name, change)
-    assert not (folder / "artifacts").exists()

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from ddf.core import notes, storage
-from ddf_lab import run
 from ddf_lab.engine import graph, stage
 
 GIVEN = ("--config", "configs/a.yaml", "--category", "chair")
@@ -119,11 +118,6 @@ def test_the_frame_of_stages_does_not_count(item, monkeypatch):
     first = stage.note(item).fingerprint
     monkeypatch.setattr(stage, "FRAME", "nothing")
     assert stage.note(item).fingerprint != first
-
-
-def test_a_script_that_is_no_stage_of_the_graph_has_no_item(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert graph.find("report", run.Run(Path("a.yaml"), {})) is None  # no graph here
 
 
 def test_checksums_are_kept_while_a_file_is_as_it_was_and_read_anew_otherwise(item, monkeypatch):

@@ -89,10 +89,3 @@ def test_rows_that_are_measured_keep_their_code(tmp_path, monkeypatch):
     rows = json.loads((tmp_path / "own.json").read_text())["rows"]
     assert [(row["what"], row["code"]) for row in rows] == [("b", "second"), ("a", "third")]
     assert rows[1]["error"] == {"x": 2.0, "gain": 3.0}
-
-
-def test_every_page_and_benchmark_of_the_repository_is_looked_over(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    named = {line.partition(":")[0] for line in stale.listed()}
-    pages = {page.parent.as_posix() for page in Path("reports").glob("*/README.md")} - {"reports/bench"}
-    assert named <= pages | {file.as_posix() for file in Path("reports/bench").glob("*.json")}

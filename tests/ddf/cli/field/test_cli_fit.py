@@ -17,12 +17,16 @@ ROOT = Path(__file__).resolve().parents[4]
 CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 
 
-def test_fit_says_what_scripts_rely_on(work, answer):
-    result = answer("fit", work / "torus.ply", work / "json", "--config", work / "tiny.yaml", "--steps", 3)
-    assert set(result["held_out"]["depth_l1"]) == set(result["held_out"]["visibility_bce"]) == set("UABSTO")
-    assert result["held_out"]["normal_angle_deg_median"] > 0 and result["seconds"] > 0
-    assert result["parameters"] == 6 * 16 + 16 + 16 * 16 + 16 + 16 * 4 + 4
-    assert result["steps"] == 3
+def test_fit_writes_field_log_and_metrics(fitted):
+    folder, metrics = fitted
+    assert {path.name for path in folder.iterdir()} >= {"model.safetensors", "log.csv", "fit.json"}
+    record = shape_field.load(folder).record
+    assert (metrics["steps"], record["seed"], list(record["sources"])) == (5, 3, ["torus.ply"])
+    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - fit_settings.FitConfig().margin) / 30)
+    held_out = metrics["held_out"]
+    assert set(held_out["depth_l1"]) == set(held_out["visibility_bce"]) == set("UABSTO")
+    assert held_out["normal_angle_deg_median"] > 0 and metrics["seconds"] > 0
+    assert metrics["parameters"] == 6 * 16 + 16 + 16 * 16 + 16 + 16 * 4 + 4
 
 
 def test_a_finished_fit_is_not_measured_again(tmp_path, shown, monkeypatch):
@@ -32,14 +36,6 @@ def test_a_finished_fit_is_not_measured_again(tmp_path, shown, monkeypatch):
         said.append(shown("fit", tmp_path / "tetrahedron.obj", tmp_path / "twice", "--tolerance", "0.01"))
         monkeypatch.setattr(inspection, "measure", None)
     assert said[0][:-1] == said[1][:-1] and "fitted already" in said[1][-1]
-
-
-def test_fit_writes_field_log_and_metrics(fitted):
-    folder, metrics = fitted
-    assert {path.name for path in folder.iterdir()} >= {"model.safetensors", "log.csv", "fit.json"}
-    record = shape_field.load(folder).record
-    assert (metrics["steps"], record["seed"], list(record["sources"])) == (5, 3, ["torus.ply"])
-    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - fit_settings.FitConfig().margin) / 30)
 
 
 def test_minutes_take_about_that_long_and_few_steps_are_said(work, shown):

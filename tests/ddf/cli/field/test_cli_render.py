@@ -84,7 +84,3 @@ def test_a_camera_that_sees_nothing_gives_no_range(tmp_path, fitted, rendered, s
     assert lines[1].split()[:3] == ["depth", "–", "–"] and "0% of them see the object" in lines[2]
     found = rendered(tmp_path / "none.npz", *away)["range"]["depth"]
     assert (found["min"], found["max"]) == (None, None)
-
-
-def test_a_name_of_a_shipped_field_is_a_field(tmp_path, answer):
-    assert answer("render", "nested", tmp_path / "shipped.png", "--size", 16)["seen"] > 10

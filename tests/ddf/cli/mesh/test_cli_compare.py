@@ -28,13 +28,6 @@ def test_json_holds_the_scores_of_the_library(clouds, answer):
     assert {key: got[key] for key in expected} == expected and 0 < got["f_score_tau"] < 1
 
 
-def test_default_threshold_is_tau_and_text_names_every_score(clouds, shown):
-    *rows, verdict = shown("compare", clouds["pred"], clouds["truth"])
-    lines = {name: rest for name, *rest in (line.split() for line in rows)}
-    assert lines.keys() >= _KEYS and float(lines["tau_sq"][0]) == 1e-4 and lines["f_score_tau"][1] == "share"
-    assert verdict.endswith("within 0.01 units: 80 points of pred.ply against 120 points of truth.ply")
-
-
 def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(clouds, tmp_path, answer, shown):
     large = {}
     for name, path in clouds.items():
@@ -47,6 +40,10 @@ def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(
     pred, truth = (mesh_io.read_points(clouds[name]) / found[0]["box_diagonal"] for name in ("pred", "truth"))
     assert found[0]["chamfer_l2_sq"] == pytest.approx(cloud_scores.compare_clouds(pred, truth).chamfer_l2_sq)
     assert "units: --relative takes shares of that" in shown("compare", large["pred"], large["truth"])[-1]
+    assert shown("compare", large["truth"], clouds["truth"])[-1].endswith(
+        "1,000 times the truth's: are its units others?"
+    )
+    assert "others" not in shown("compare", clouds["truth"], clouds["truth"])[-1]
 
 
 def test_of_a_mesh_points_count_that_are_drawn_by_area(tmp_path, answer):
