@@ -90,7 +90,8 @@ def prepare(
             failures.append(parallel.Failure(shape.id, "meshes", str(error)))
             continue
         meshes.append(prepared.mesh)
-        off_centre, diagonal = frame_of(raw)
+        lower, upper = raw.box()
+        off_centre, diagonal = float(np.linalg.norm(lower + upper) / 2), float(np.linalg.norm(upper - lower))
         if max(off_centre, abs(diagonal - 1)) > V1_TOLERANCE:
             LOGGER.warning(
                 "%s: its box is %.3g off the origin with diagonal %.3g; v1's are centred there with diagonal 1, so "
@@ -112,12 +113,6 @@ def prepare(
     path = shard.file(SUFFIX)
     storage.save_tensors(path, tensors, record | told)
     return parallel.ShardResult([path], failures)
-
-
-def frame_of(mesh: mesh_io.Mesh) -> tuple[float, float]:
-    """How far the middle of a mesh's box is from the origin, and the box's diagonal."""
-    lower, upper = mesh.box()
-    return float(np.linalg.norm(lower + upper) / 2), float(np.linalg.norm(upper - lower))
 
 
 def read_pack(path: Path | str) -> PreparedPack:

@@ -130,28 +130,14 @@ def _query_field_frame(
     seen = np.zeros_like(meets)
     seen[meets] = np.concatenate([part["visibility"] for part in parts]) >= SEEN
     found = {}
-    for name in field.outputs:
-        if name in outputs:
-            values = np.concatenate([part[name] for part in parts]).astype(np.float64)
-            found[name] = _scattered(name, values, meets, seen, distance)
+    for name in (name for name in field.outputs if name in outputs):
+        values = np.concatenate([part[name] for part in parts]).astype(np.float64)
+        kept = meets if name == "visibility" else seen
+        found[name] = np.full((len(meets), *values.shape[1:]), np.inf if name == "depth" else 0.0)
+        found[name][kept] = values[kept[meets]]
+        if name == "depth":
+            found[name][kept] += distance[kept]
     return found, int(meets.sum())
-
-
-def _scattered(
-    name: str,
-    values: Float[np.ndarray, "m ..."],
-    meets: Bool[np.ndarray, "n"],
-    seen: Bool[np.ndarray, "n"],
-    distance: Float[np.ndarray, "n"],
-) -> Float[np.ndarray, "n ..."]:
-    """Values of the rays that meet the box among all rays, with the background where nothing is seen."""
-    whole = np.full((len(meets), *values.shape[1:]), np.inf if name == "depth" else 0.0)
-    whole[meets] = values
-    if name == "visibility":
-        return whole
-    if name == "depth":
-        return np.where(seen, whole + distance, np.inf)
-    return np.where(seen.reshape(-1, *[1] * (whole.ndim - 1)), whole, 0.0)
 
 
 def camera_rays(

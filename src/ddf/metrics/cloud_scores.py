@@ -65,6 +65,10 @@ class Pair:
     to_prediction: Float[np.ndarray, " m"]
     tau_sq: float
 
+    def f_score(self, factor: float) -> float:
+        """At a multiple of the threshold."""
+        return f_score(self.to_truth, self.to_prediction, factor * self.tau_sq)
+
 
 @dataclass(frozen=True)
 class Metric:
@@ -99,22 +103,8 @@ METRICS = {  # the one list: `ddf compare`, scores of every image, the long tabl
             "D<sub>C</sub> ↓",
             better="min",
         ),
-        Metric(
-            "f_score_tau",
-            lambda pair: f_score(pair.to_truth, pair.to_prediction, pair.tau_sq),
-            "share",
-            100.0,
-            "F<sub>τ</sub> ↑",
-            2,
-        ),
-        Metric(
-            "f_score_2tau",
-            lambda pair: f_score(pair.to_truth, pair.to_prediction, 2 * pair.tau_sq),
-            "share",
-            100.0,
-            "F<sub>2τ</sub> ↑",
-            2,
-        ),
+        Metric("f_score_tau", lambda pair: pair.f_score(1.0), "share", 100.0, "F<sub>τ</sub> ↑", 2),
+        Metric("f_score_2tau", lambda pair: pair.f_score(2.0), "share", 100.0, "F<sub>2τ</sub> ↑", 2),
         Metric("precision_tau", lambda pair: hit_share(pair.to_truth, pair.tau_sq), "share", 100.0, digits=1),
         Metric("recall_tau", lambda pair: hit_share(pair.to_prediction, pair.tau_sq), "share", 100.0, digits=1),
         Metric("spacing_variation", lambda pair: spacing_variation(pair.prediction), "share of the mean", better="min"),

@@ -40,20 +40,14 @@ class PointEncoder(nn.Module):
         super().__init__()
         per_point = [POINT_FEATURES, *(share * width // POINT_WIDTHS[0] for share in POINT_WIDTHS)]
         of_cloud = [per_point[-1], *(share * width // POINT_WIDTHS[0] for share in CLOUD_WIDTHS)]
-        self.points = nn.Sequential(
-            *(
-                nn.Sequential(nn.Conv1d(a, b, kernel_size=1), nn.BatchNorm1d(b), nn.ReLU(inplace=True))
-                for a, b in itertools.pairwise(per_point)
-            )
-        )
-        self.cloud = nn.Sequential(
-            *(
-                nn.Sequential(nn.Linear(a, b), nn.BatchNorm1d(b), nn.ReLU(inplace=True))
-                for a, b in itertools.pairwise(of_cloud)
-            ),
-            nn.Dropout(DROPOUT),
-            nn.Linear(of_cloud[-1], out_features),
-        )
+
+        def normalised(layer: nn.Module, width: int) -> nn.Sequential:
+            return nn.Sequential(layer, nn.BatchNorm1d(width), nn.ReLU(inplace=True))
+
+        points = (normalised(nn.Conv1d(a, b, kernel_size=1), b) for a, b in itertools.pairwise(per_point))
+        self.points = nn.Sequential(*points)
+        cloud = (normalised(nn.Linear(a, b), b) for a, b in itertools.pairwise(of_cloud))
+        self.cloud = nn.Sequential(*cloud, nn.Dropout(DROPOUT), nn.Linear(of_cloud[-1], out_features))
 
     def forward(
         self, positions: Float[Tensor, "b n 3"], normals: Float[Tensor, "b n 3"]

@@ -100,13 +100,9 @@ class Parts:
     entry: Float[Tensor, "b n"]
     step: Float[Tensor, "b n"]
 
-    @property
-    def _counted(self) -> Float[Tensor, "b n N"]:
-        return torch.where(self.hits.detach() > 0, self.logits, EMPTY)
-
     def log_weights(self) -> tuple[Float[Tensor, "b n N"], Float[Tensor, "b n"]]:
         """log w_k of the ray from p, and log (1 - ξ)."""
-        logits = self._counted
+        logits = torch.where(self.hits.detach() > 0, self.logits, EMPTY)
         free = functional.logsigmoid(-logits)
         through = free.cumsum(-1)
         return functional.logsigmoid(logits) + through - free, through[..., -1]
@@ -358,19 +354,11 @@ class ImageField:
         weights, missed = parts.log_weights()
         heaviest = weights.argmax(-1, keepdim=True)
         found = {"visibility": 1 - missed.exp(), "depth": parts.hits.gather(-1, heaviest)[..., 0]}
-        if "normals" in outputs:
-            found["normals"] = self.normals(at, along, heaviest[0, :, 0])[None]
+        if "normals" in outputs:  # ∇_p d / ‖∇_p d‖, which faces back, for v·∇_p d = -1. [DDF22] eq. 3
+            chunks = zip(*(each.split(_CHUNK) for each in (at, along, heaviest[0, :, 0])), strict=True)
+            gradients = torch.cat([self.decoder.depth_gradient(self.views, *each) for each in chunks])
+            found["normals"] = functional.normalize(gradients, dim=-1)[None]
         return {name: found[name][0].cpu().numpy() for name in outputs}
-
-    def normals(
-        self, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], part: Int[Tensor, "n"]
-    ) -> Float[Tensor, "n 3"]:
-        """∇_p d / ‖∇_p d‖ of the surface in one part of each line; it faces back, for v·∇_p d = -1. [DDF22] eq. 3."""
-        found = [
-            functional.normalize(self.decoder.depth_gradient(self.views, *each), dim=-1)
-            for each in zip(positions.split(_CHUNK), directions.split(_CHUNK), part.split(_CHUNK), strict=True)
-        ]
-        return torch.cat(found)
 
 
 class TrainedImageDDF(NamedTuple):

@@ -16,7 +16,7 @@ from torch.nn import functional
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, rendering
 from ddf.geometry import cameras
-from ddf.models import line_field, reconstruction_models, reconstruction_settings
+from ddf.models import line_field, reconstruction_settings
 from ddf.reconstruction import many_images
 
 LINES, BATCH = 16_384, 1024  # across the box: at most, and at a time
@@ -62,9 +62,7 @@ def reconstruct(
 
     The field frame is twice v1 whatever the shape: no scale is told at the true camera, none estimated.
     """
-    started = time.monotonic()
-    predicted = reconstruction_models.encode(model, images)[2]
-    encoding = (time.monotonic() - started) / len(images.shapes)
+    (_, _, predicted), encoding = many_images.timed_encode(model, images)
 
     def of(row: int) -> dict[str, Tensor]:
         rows, found = np.array([row]), {}

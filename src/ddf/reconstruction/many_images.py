@@ -48,7 +48,7 @@ def reconstruct_ddf(
     Returns:
       Tensors by name, and facts: `rendered` images, `seconds` of wall time that an image took, by part.
     """
-    (features, latents, predicted), encoding = _timed_encode(model, images)
+    (features, latents, predicted), encoding = timed_encode(model, images)
     work = _Work(model, images, config, latents, predicted)
     modulations = work.modulations(latents)
     tensors, cloud = work.clouds(modulations, {config.cloud.cycles: _after_all(config.cloud), 1: "h1"}, describe)
@@ -190,7 +190,7 @@ def reconstruct_pcsiren(
     config: reconstruction_settings.PointcloudsConfig,
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and the facts."""
-    (_, latents, predicted), encoding = _timed_encode(model, images)
+    (_, latents, predicted), encoding = timed_encode(model, images)
     started = time.monotonic()
 
     def draw(image: int) -> Tensor:
@@ -245,7 +245,7 @@ def spread(total: int, count: int) -> list[int]:
     return [int(i) for i in np.linspace(0, total - 1, count).round()] if count else []
 
 
-def _timed_encode(
+def timed_encode(
     model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
 ) -> tuple[tuple[Tensor, Tensor, Tensor], float]:
     """Features, latents and cameras; and seconds an image."""

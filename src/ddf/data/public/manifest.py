@@ -53,11 +53,11 @@ class Row:
 def rows() -> tuple[Row, ...]:
     """All shapes, by category and id."""
     text = Path(__file__).with_name(FILE).read_text(encoding="utf-8")
-    return tuple(Row(**{**entry, "wheels": _axles(entry["wheels"])}) for entry in csv.DictReader(text.splitlines()))
-
-
-def _axles(text: str) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(map(float, axle.split())) for axle in text.split(";") if axle)
+    found = []
+    for entry in csv.DictReader(text.splitlines()):
+        wheels = tuple(tuple(map(float, axle.split())) for axle in entry["wheels"].split(";") if axle)
+        found.append(Row(**{**entry, "wheels": wheels}))
+    return tuple(found)
 
 
 def is_real(name: str) -> bool:
