@@ -42,10 +42,14 @@ class Muon(torch.optim.Optimizer):
             if weights and group["weight_decay"]:
                 _foreach("mul_", weights, 1 - group["lr"] * group["weight_decay"])
             for weight in weights:
-                together = id(weight) if weight.device.type == "cpu" else weight.shape
-                batches.setdefault((group["lr"], together), []).append(weight)
+                batches.setdefault((group["lr"], self._together(weight)), []).append(weight)
         for (rate, _), weights in batches.items():
             self._move(weights, rate)
+
+    @staticmethod
+    def _together(weight: Tensor) -> Any:
+        """What is equal for weights that are moved together."""
+        return id(weight) if weight.device.type == "cpu" else weight.shape
 
     def _move(self, weights: Sequence[Tensor], rate: float) -> None:
         """Of several weights of one shape."""
