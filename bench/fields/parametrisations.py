@@ -38,13 +38,11 @@ HELD_OUT_RADIUS = 0.8
 FREE_POINTS, LOOKS, CLEAR = 64, 512, 0.1  # inside: points, rays of each, and how far from the surface
 CLOSE = 0.02  # field units, 1 % of the shape
 CHUNK = 4096
-OURS, BOTH = "DDF: entry of the box", "DDF, inside rays too"
-BUDGETS = [  # of steps; f where a ray has arrived, and where one out of steps still has
-    distances.Tracing(steps, threshold, within)
-    for steps, threshold, within in (
-        (6, 2e-2, 4e-2), (8, 1e-2, 2e-2), (12, 1e-2, 1e-2), (16, 5e-3, 5e-3), (32, 2e-3, 5e-3), (64, 1e-3, 5e-3)
-    )
-]  # fmt: skip
+OURS, BOTH, FOOT = "DDF: entry of the box", "DDF, inside rays too", "foot of the perpendicular"
+BUDGETS = (  # f where a ray has arrived, and where one out of steps still has
+    distances.Tracing(12, 1e-2, 1e-2),
+    distances.Tracing(32, 2e-3, 5e-3),
+)
 DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
 
 
@@ -197,12 +195,8 @@ def ray_candidates(
 
     steps = measuring.steps_within(lambda count: train(own, outside, steps=count), seconds)
     found = {OURS: train(own, outside, steps=steps), BOTH: train(own, outside, inside, steps=steps)}
-    peers = {
-        "Plücker coordinates": functools.partial(ray_fields.plucker, radius=place.radius),
-        "two spheres": functools.partial(ray_fields.two_spheres, radius=place.radius),
-        "foot of the perpendicular": functools.partial(ray_fields.foot, radius=place.radius),
-    }
-    return found | {name: train(reads, outside, steps=steps) for name, reads in peers.items()}
+    reads = functools.partial(ray_fields.foot, radius=place.radius)
+    return found | {FOOT: train(reads, outside, steps=steps)}
 
 
 def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
@@ -231,9 +225,6 @@ def traced_normals(network: siren.SineNetwork, p: Tensor, v: Tensor, depth: Tens
     """∇f/‖∇f‖ at the hits, facing back."""
     found = derivatives.trace(network, rays.surface_points(p, v, depth))
     return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
-
-
-LINES = (OURS, BOTH, "Plücker coordinates", "two spheres", "perpendicular", "f < 0.005")  # of the page
 
 
 def main(*, seconds: float = SECONDS) -> measuring.Rows:

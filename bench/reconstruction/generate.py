@@ -1,9 +1,9 @@
 """Shapes of `ddf generate` beside new procedural ones, which no training saw: 40 clouds of what is seen from outside.
 
-Rows: other true shapes; what the model makes of their images; samples; and three fakes that a score must rank behind
-these: the mean shape again and again, samples drawn towards it, samples with noise. MMD, coverage, 1-NNA and energy as
-in `generative_shapes.distribution`, the shares in percent. The prior's width was chosen by MMD and 1-NNA on chairs:
-`--seed 71 --width` .6, .8, 1 and 1.2. Seconds are processor time of one shape, of one thread.
+Rows: other true shapes; samples; and three fakes that a score must rank behind these: the mean shape again and again,
+samples drawn towards it, samples with noise. MMD, coverage, 1-NNA and energy as in `generative_shapes.distribution`,
+the shares in percent. The prior's width was chosen by MMD and 1-NNA on chairs: `--seed 71 --width` .6, .8, 1 and 1.2.
+Seconds are processor time of one shape, of one thread.
 """
 
 import time
@@ -11,19 +11,17 @@ import time
 import numpy as np
 import torch
 from jaxtyping import Float
-from PIL import Image
 from torch import Tensor
 
 from bench.lib import measuring
 from ddf.core import shipped_models
 from ddf.data import true_clouds
-from ddf.data.synthetic import render, write
+from ddf.data.synthetic import write
 from ddf.fields import cloud_projection, pddf, stored_fields
 from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
-from ddf.models import generated_images, reconstruction_models
-from ddf.reconstruction import framing
+from ddf.models import generated_images
 from ddf_lab.evaluation import generative_shapes
 
 KEPT = True  # rows of other categories
@@ -51,20 +49,6 @@ def truth(category: str, seed: int) -> list[neighbours.Neighbours]:
 
 
 @torch.no_grad()
-def encoded(trained: reconstruction_models.TrainedDDF, category: str, seed: int) -> Float[Tensor, "count z"]:
-    """Latents of an image of each procedural shape."""
-    images, size = [], trained.image_size
-    for index in range(COUNT):
-        view, renderer = (
-            write.make_views(seed, category, index, 1)[0],
-            render.Renderer(write.make_shape(seed, category, index, wide=True)),
-        )
-        picture = Image.fromarray(renderer.render(view)).resize((size, size), Image.Resampling.BOX)
-        images.append(framing.encoder_input(np.array(picture)))
-    return trained.network.shape_encoder(torch.cat(images))
-
-
-@torch.no_grad()
 def decoded(
     decoder: pddf.ConditionalPDDF, latents: Float[Tensor, "n z"], noise: float = 0.0
 ) -> list[neighbours.Neighbours]:
@@ -80,7 +64,7 @@ def decoded(
 def rows(category: str, seed: int, width: float) -> measuring.Rows:
     """Of a category, one after the other."""
     folder = shipped_models.place(category)
-    decoder, prior, encoder = latent_prior.load(folder)
+    decoder, prior, _ = latent_prior.load(folder)
     latents = width * generated_images.latents(COUNT, prior.basis.shape[1], 0, "samples")
     known, others = truth(category, seed), seed + 1000
     sets = {
@@ -90,8 +74,6 @@ def rows(category: str, seed: int, width: float) -> measuring.Rows:
         "blurred samples": lambda: decoded(decoder, prior.latents(BLUR * latents)),
         "noisy samples": lambda: decoded(decoder, prior.latents(latents), NOISE),
     }
-    if encoder is not None:
-        sets["of images of these"] = lambda: decoded(decoder, encoded(encoder, category, others))
     for name, make in sets.items():
         started = time.process_time()
         made = make()

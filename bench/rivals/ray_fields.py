@@ -5,9 +5,8 @@ that the network reads, f(x) >= 0 its depth, d = t_0(p, v) + f(x) the depth of t
 ray whichever point of it p is, but for the way to that point, so that v · ∇_p d = -1 holds by construction. The normal
 is n = ∇_p d/‖∇_p d‖ (Property II of [DDF22] §3.1).
 
-Sources: Sitzmann et al. 2021, "Light field networks" (Plücker coordinates; their network gives colour, ours depth);
-Liu et al. 2023, "RayDF" (entry and exit of a sphere; theirs as angles, ours as points, which have no poles); Feng et
-al. 2022, "PRIF" and Sundt and Theoharis 2023, "MARF" (foot of the perpendicular; depth from there, with its sign).
+Sources: Feng et al. 2022, "PRIF" and Sundt and Theoharis 2023, "MARF" (foot of the perpendicular; depth from there,
+with its sign). Plücker coordinates and two points of a sphere were no better than the foot.
 
 A field of rays has the package's sine network and loss on values, so that peers differ in what they read alone.
 """
@@ -32,35 +31,15 @@ Read = tuple[Float[Tensor, "n 6"], Float[Tensor, "n"]]  # x, and t_0: where dept
 RayInput = Callable[[Positions, Positions], Read]  # of p and v, of rays that meet the box
 
 
-def _dot(a: Positions, b: Positions) -> Float[Tensor, "n 1"]:
-    return (a * b).sum(-1, keepdim=True)
-
-
 def box_entry(p: Positions, v: Positions, lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> Read:
     """Ours: (e, v) with e = p + t_0 v, where the ray enters the box, or p itself inside it."""
     entry, way, _ = rays.enter_box(p, v, lower, upper)
     return torch.cat((entry, v), dim=-1), way
 
 
-def plucker(p: Positions, v: Positions, radius: float) -> Read:
-    """(m, v) with the moment m = p × v; t_0 = -p · v - R, from R before the foot."""
-    return torch.cat((torch.linalg.cross(p, v), v), dim=-1), -_dot(p, v)[:, 0] - radius
-
-
-def two_spheres(p: Positions, v: Positions, radius: float) -> Read:
-    """(a, b), where the line enters and leaves the sphere, both the foot where it misses; t_0 = t_a.
-
-    t_a, t_b = -p · v ∓ sqrt((p · v)² - |p|² + R²).
-    """
-    along = _dot(p, v)
-    half = (along.square() - _dot(p, p) + radius**2).clamp(min=0).sqrt()
-    first, last = -along - half, -along + half
-    return torch.cat((p + first * v, p + last * v), dim=-1), first[:, 0]
-
-
 def foot(p: Positions, v: Positions, radius: float) -> Read:
     """(q, v) with q = p - (p · v) v, nearest the origin; t_0 = -p · v - R, so the network's f - R is signed."""
-    along = _dot(p, v)
+    along = (p * v).sum(-1, keepdim=True)
     return torch.cat((p - along * v, v), dim=-1), -along[:, 0] - radius
 
 
@@ -97,22 +76,6 @@ class RayField:
         return derivatives.normals(gradient, v)
 
 
-@dataclass(frozen=True)
-class Lesson:
-    """What a training reads of some rays: x, f, and whether anything is visible."""
-
-    features: Float[Tensor, "n 6"]
-    depth: Float[Tensor, "n"]
-    visible: Float[Tensor, "n"]
-
-    @classmethod
-    def of(cls, reads: RayInput, seen: SeenRays) -> "Lesson":
-        """All of them, once."""
-        p, v, visible = seen.positions, seen.directions, seen.truth.visible
-        x, before = reads(p, v)
-        return cls(x, torch.where(visible, seen.truth.depth.to(p) - before, 0.0), visible.to(p))
-
-
 def fit(
     reads: RayInput, lessons: Sequence[SeenRays], config: fit_settings.FitConfig, batch: int, steps: int
 ) -> RayField:
@@ -124,19 +87,23 @@ def fit(
     """
     training_loop.prepare(config.loop)
     network = pddf.PDDF(config.field)
-    learnt = [Lesson.of(reads, seen) for seen in lessons]
+    learnt = []  # x, f, and whether anything is visible
+    for seen in lessons:
+        x, before = reads(seen.positions, seen.directions)
+        visible = seen.truth.visible
+        learnt.append((x, torch.where(visible, seen.truth.depth.to(x) - before, 0.0), visible.to(x)))
     everything = {
-        f"{index}": {"depth": part.depth.numpy(), "visible": part.visible.numpy()} for index, part in enumerate(learnt)
+        f"{index}": {"depth": depth.numpy(), "visible": visible.numpy()}
+        for index, (_, depth, visible) in enumerate(learnt)
     }
     fitting.start_flat(network, shape_samples.ShapeSamples(everything, np.zeros(3), np.zeros(3)))
 
     def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         random = np.random.default_rng((config.loop.seed, step))
-        rows = [torch.from_numpy(random.integers(0, len(part.depth), batch // len(learnt))) for part in learnt]
-        chosen = [(part, index) for part, index in zip(learnt, rows, strict=True)]
-        raw = network.network(torch.cat([part.features[index] for part, index in chosen]))
-        visible = torch.cat([part.visible[index] for part, index in chosen])
-        truth = torch.cat([part.depth[index] for part, index in chosen])
+        rows = [torch.from_numpy(random.integers(0, len(x), batch // len(learnt))) for x, _, _ in learnt]
+        chosen = [[part[index] for part in own] for own, index in zip(learnt, rows, strict=True)]
+        x, truth, visible = (torch.cat(parts) for parts in zip(*chosen, strict=True))
+        raw = network.network(x)
         depth = losses.depth_loss(network, raw, truth, visible, config.weights).mean()
         seen = functional.binary_cross_entropy_with_logits(raw[:, pddf.VISIBILITY_ROW], visible)
         return config.weights.depth * depth + config.weights.visibility * seen, {"depth": depth.detach()}

@@ -15,8 +15,6 @@ LOWER, UPPER = torch.tensor([-0.8, -0.7, -0.9]).double(), torch.tensor([0.8, 0.7
 BALL, REACH = 0.6, float(torch.tensor([0.8, 0.7, 0.9]).double().norm())
 READS = {
     "box entry": functools.partial(ray_fields.box_entry, lower=LOWER, upper=UPPER),
-    "plucker": functools.partial(ray_fields.plucker, radius=REACH),
-    "two spheres": functools.partial(ray_fields.two_spheres, radius=REACH),
     "foot": functools.partial(ray_fields.foot, radius=REACH),
 }
 
@@ -34,16 +32,10 @@ def _rays(count=500):
 
 def _ball(x, name):
     """f(x) of the ball, from the six numbers alone: what a perfect network would say."""
-    first, second = x[:, :3], x[:, 3:]
-    if name == "two spheres":
-        v = torch.nn.functional.normalize(second - first, dim=-1)
-        point = first
-    else:
-        v = second
-        point = torch.linalg.cross(v, first) if name == "plucker" else first
+    point, v = x[:, :3], x[:, 3:]
     along = (point * v).sum(-1)
     to_ball = -along - (along.square() - point.square().sum(-1) + BALL**2).sqrt()
-    return to_ball if name in ("two spheres", "box entry") else to_ball + REACH
+    return to_ball if name == "box entry" else to_ball + REACH
 
 
 @pytest.mark.parametrize("name", READS)
