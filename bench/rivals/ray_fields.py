@@ -6,7 +6,7 @@ ray whichever point of it p is, but for the way to that point, so that v · ∇_
 is n = ∇_p d/‖∇_p d‖ (Property II of [DDF22] §3.1).
 
 Sources: Feng et al. 2022, "PRIF" and Sundt and Theoharis 2023, "MARF" (foot of the perpendicular; depth from there,
-with its sign). Plücker coordinates and two points of a sphere were no better than the foot.
+with its sign). Plücker coordinates and two points of a sphere came out alike or worse.
 
 A field of rays has the package's sine network and loss on values, so that peers differ in what they read alone.
 """

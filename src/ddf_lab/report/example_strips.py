@@ -3,12 +3,12 @@
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
-from ddf.data import packing, shapenet
+from ddf.data import shapenet
 from ddf.geometry import transforms
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.evaluation import scoring
@@ -20,17 +20,7 @@ Image = tuple[str, int]  # id of the shape, view
 COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "DDF+image")
 EXAMPLES = 5  # of a category
 _ORDERED_BY = "Pi_g-L"  # the column whose D_C orders the images
-
-
 Errors = Mapping[str, float]  # D_C x 1000 of an image, by method
-
-
-class Clouds(NamedTuple):
-    """What the pictures of a category are drawn from. models: by method."""
-
-    models: Mapping[str, scoring.Predictions]
-    truths: Mapping[str, packing.Cloud]
-    image_root: tuple[Path, str]
 
 
 def words(errors: Errors) -> str:
@@ -46,14 +36,22 @@ def drawn(run: Run, results: Results) -> Results:
         models = {
             method: scoring.load_predictions(folder / f"{file}.safetensors") for method, file in scoring.FILES.items()
         }
-        truths = scoring.load_truth(run.folder("samples", category))
-        synset = results.index["categories"][category]["synset"]
-        clouds = Clouds(models, truths, (Path(results.index["root"]), synset))
         errors = image_errors(results.per_image[results.per_image["category"] == name])
-        images = [image for image in _rendered(models[scoring.DDF]) if image in errors]
-        rendered = len(images)
-        if images:
-            strips[name] = strip(clouds, errors, choose({image: errors[image] for image in images}, EXAMPLES))
+        ddf = models[scoring.DDF]
+        places = {ddf.images[row]: place for place, row in enumerate(ddf.metadata["rendered"])}  # of the renders
+        known = {image: errors[image] for image in places if image in errors}
+        rendered = len(known)
+        if not known:
+            continue
+        truths = scoring.load_truth(run.folder("samples", category))
+        renderings = (Path(results.index["root"]), results.index["categories"][category]["synset"])
+        rows = []
+        for image, title in choose(known, EXAMPLES).items():
+            picture = shapenet.read_image(shapenet.image_path(*renderings, *image), 137).permute(1, 2, 0).numpy()
+            given = picture_strips.on_white(picture.astype(np.float64))
+            cells = [given, *_cells(models, truths[image[0]].benchmark_points(), image, places[image])]
+            rows.append(picture_strips.StripRow(title[0].upper() + title[1:], [words(known[image])], cells))
+        strips[name] = picture_strips.strip(COLUMNS, rows)
     return dataclasses.replace(results, strips=strips, rendered=rendered)
 
 
@@ -68,11 +66,6 @@ def image_errors(per_image: pd.DataFrame) -> dict[Image, Errors]:
     return {image: row.to_dict() for image, row in table[list(scoring.FILES)].iterrows()}
 
 
-def _rendered(ddf: scoring.Predictions) -> list[Image]:
-    """The images of which there are renders."""
-    return [ddf.images[row] for row in ddf.metadata["rendered"]]
-
-
 def choose(errors: Mapping[Image, Errors], count: int) -> dict[Image, str]:
     """So many images at even percentiles of DDF's error, best first, and what each stands for; fewer of fewer."""
     ordered = sorted(errors, key=lambda image: (errors[image][scoring.DDF], image))
@@ -84,46 +77,27 @@ def choose(errors: Mapping[Image, Errors], count: int) -> dict[Image, str]:
     return chosen
 
 
-def strip(clouds: Clouds, errors: Mapping[Image, Errors], chosen: Mapping[Image, str]) -> bytes:
-    """As WebP. Predictions are seen from the predicted camera at the predicted scale, as in the paper."""
-    ddf = clouds.models[scoring.DDF]
-    rendered = _rendered(ddf)
-    rows = []
-    for image, name in chosen.items():
-        place = rendered.index(image)
-        visibility, depth, normals = (
-            ddf.tensors[f"render.{kind}"][place].astype(np.float64) for kind in ("visibility", "depth", "normals")
-        )
-        views = [
-            field_pictures.visibility_picture(visibility),
-            field_pictures.depth_picture(depth, visibility),
-            field_pictures.normals_picture(normals, visibility),
-        ]
-        given, *ours, truth = _cells(clouds, image)
-        cells = [given, *views, truth, *ours]
-        rows.append(picture_strips.StripRow(name[0].upper() + name[1:], [words(errors[image])], cells))
-    return picture_strips.strip(COLUMNS, rows)
-
-
-def _cells(clouds: Clouds, image: Image) -> list[picture_strips.Picture]:
-    """Input, the clouds of DDF, PC-SIREN and the model with image features, true cloud."""
-    rgba = shapenet.read_image(shapenet.image_path(*clouds.image_root, *image), 137).permute(1, 2, 0).numpy()
-    reference = clouds.truths[image[0]].benchmark_points()
-    ddf = clouds.models[scoring.DDF]
-    camera = ddf.tensors["camera_true"][ddf.images.index(image)]
-    names = {scoring.DDF: scoring.large_cloud(ddf), scoring.PC_SIREN: "L", scoring.DDF_IMAGE: "L.pred"}
-    return [
-        picture_strips.on_white(rgba.astype(np.float64)),
-        *(_own_view(clouds.models[method], name, image, reference) for method, name in names.items()),
-        picture_strips.cloud_picture(reference, picture_strips.coordinate_colours(reference, reference), camera),
-    ]
-
-
-def _own_view(model: scoring.Predictions, name: str, image: Image, reference: np.ndarray) -> picture_strips.Picture:
-    """A predicted cloud in its predicted camera and scale."""
-    row = model.images.index(image)
-    scale = transforms.BENCHMARK_FROM_V1 * float(model.tensors["scale_pred"][row])
-    points = scale * model.tensors[name][row].astype(np.float64)
-    return picture_strips.cloud_picture(
-        points, picture_strips.coordinate_colours(points, reference), model.tensors["camera_pred"][row]
+def _cells(
+    models: Mapping[str, scoring.Predictions], truth: Float[np.ndarray, "n 3"], image: Image, place: int
+) -> list[picture_strips.Picture]:
+    """The DDF's render, the true cloud, and the clouds of all models, each at its predicted camera and scale."""
+    ddf = models[scoring.DDF]
+    visibility, depth, normals = (
+        ddf.tensors[f"render.{kind}"][place].astype(np.float64) for kind in ("visibility", "depth", "normals")
     )
+    cells = [
+        field_pictures.visibility_picture(visibility),
+        field_pictures.depth_picture(depth, visibility),
+        field_pictures.normals_picture(normals, visibility),
+        _cloud(truth, truth, ddf.tensors["camera_true"][ddf.images.index(image)]),
+    ]
+    names = {scoring.DDF: scoring.large_cloud(ddf), scoring.PC_SIREN: "L", scoring.DDF_IMAGE: "L.pred"}
+    for method, name in names.items():
+        tensors, row = models[method].tensors, models[method].images.index(image)
+        scale = transforms.BENCHMARK_FROM_V1 * float(tensors["scale_pred"][row])
+        cells.append(_cloud(scale * tensors[name][row].astype(np.float64), truth, tensors["camera_pred"][row]))
+    return cells
+
+
+def _cloud(points: Float[np.ndarray, "n 3"], truth: Float[np.ndarray, "m 3"], camera: np.ndarray) -> np.ndarray:
+    return picture_strips.cloud_picture(points, picture_strips.coordinate_colours(points, truth), camera)

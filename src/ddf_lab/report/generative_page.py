@@ -4,7 +4,6 @@ Everything comes from what the trainings and the stage `evaluate_generative` wro
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,22 +37,11 @@ _IMAGES = {
 _LATENTS = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
 
 
-@dataclass(frozen=True)
-class _Results:
-    scores: Mapping[str, Any]
-    pictures: Mapping[str, np.ndarray]
-    gan: generative_settings.GANConfig
-    section: generative_settings.ScoresConfig
-    logs: Mapping[str, list[dict[str, float]]]
-
-
 def write(run: Run, gan: generative_settings.GANConfig, section: generative_settings.ScoresConfig) -> None:
     """Read the results of the experiment and write the page."""
     evaluated = run.folder("evaluate_generative")
     scores = storage.read_json(evaluated / "scores.json")
     pictures, _ = storage.load_tensors(evaluated / "pictures.safetensors")
-    logs = {name: training_loop.read_log(run.folder(name)) for name in TRAININGS}
-    results = _Results(scores, pictures, gan, section, logs)
     told, shapes = scores["distribution"]["prior"]["told_apart"], scores["shapes"]
     lead = (
         f"This model {'works' if told <= MOST_TOLD_APART else 'fails'}: its samples are told apart from learned shapes "
@@ -65,12 +53,17 @@ def write(run: Run, gan: generative_settings.GANConfig, section: generative_sett
         f"The critics saw images of {shapes['pictured']} other shapes. {shapes['held_out']} shapes were held out.",
         f"`ddf generate artifacts/{run.name}/train_gan/{run.category} OUT_DIR` draws more.",
     )
-    sections = (_samples, _shapes, _prior, _images, _trainings)
-    title = f"Generated {run.category} shapes"
-    pages.write(pages.Page(title, [lead], [section(results) for section in sections]), run.page)
+    sections = [
+        _samples(pictures),
+        _shapes(scores),
+        _prior(scores["distribution"]),
+        _images(scores, gan, section),
+        _trainings(run),
+    ]
+    pages.write(pages.Page(f"Generated {run.category} shapes", [lead], sections), run.page)
 
 
-def _samples(results: _Results) -> pages.Section:
+def _samples(pictures: Mapping[str, np.ndarray]) -> pages.Section:
     rows = {
         "normals of samples of the prior": "samples_normals",
         "their images, each with a random texture": "samples_colours",
@@ -78,7 +71,7 @@ def _samples(results: _Results) -> pages.Section:
         "2D GAN": "rival_colours",
         "real images": "real_colours",
     }
-    images = {title: results.pictures[key] for title, key in rows.items()}
+    images = {title: pictures[key] for title, key in rows.items()}
     normals, *others = images.items()
     on_white = generated_images.on_white(torch.from_numpy(normals[1])).numpy()
     sheet = picture_strips.sheet([(normals[0], on_white), *others])
@@ -88,8 +81,8 @@ def _samples(results: _Results) -> pages.Section:
     )
 
 
-def _shapes(results: _Results) -> pages.Section:
-    found, printed = results.scores["held_out"], cloud_scores.PRINTED
+def _shapes(scores: Mapping[str, Any]) -> pages.Section:
+    found, printed = scores["held_out"], cloud_scores.PRINTED
     ratio = found["encoded"]["chamfer_l2_sq_x1000"] / found["optimised"]["chamfer_l2_sq_x1000"]
     verdict = (
         f"Through the encoder D<sub>C</sub> of held-out shapes is {ratio:.2f} times that of latents optimised on each "
@@ -101,7 +94,7 @@ def _shapes(results: _Results) -> pages.Section:
     ]
     header = ["", *(str(metric.label) for metric in printed.values())]
     clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", header, rows)
-    kl = results.scores["divergence"]
+    kl = scores["divergence"]
     said = (
         f"The divergence from the prior is {kl['sum']:.1f} nats a shape; {kl['used']} of {kl['dimensions']} dimensions "
         "have more than 0.1."
@@ -109,8 +102,8 @@ def _shapes(results: _Results) -> pages.Section:
     return pages.Section("Held-out shapes", [verdict, clouds, said])
 
 
-def _prior(results: _Results) -> pages.Section:
-    alike, rows = results.scores["distribution"], []
+def _prior(alike: Mapping[str, Any]) -> pages.Section:
+    rows = []
     for key, label in (("prior", "samples of the prior"), ("learned", "learned shapes")):
         shares = [f"{100 * alike[key][share]:.0f}" for share in ("coverage", "told_apart")]
         rows.append([label, f"{alike[key]['matching_x1000']:.3f}", *shares])
@@ -122,15 +115,16 @@ def _prior(results: _Results) -> pages.Section:
     return pages.Section("Samples as a set", [pages.Table(caption, ["", "MMD ↓", "COV ↑", "1-NNA"], rows)])
 
 
-def _images(results: _Results) -> pages.Section:
-    found, section = results.scores["images"], results.section
-    rows = []
+def _images(
+    scores: Mapping[str, Any], gan: generative_settings.GANConfig, section: generative_settings.ScoresConfig
+) -> pages.Section:
+    found, rows = scores["images"], []
     for name, label in _IMAGES.items():
         row = found["rows"][name]
         kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else "not used"
         rows.append([label, kid, PAPER_FID.get(name, "–")])
     header = ["", "measured KID ↓", "paper, ShapeNet FID ↓"]
-    shapes = results.scores["shapes"]["learned"] + results.scores["shapes"]["held_out"]
+    shapes = scores["shapes"]["learned"] + scores["shapes"]["held_out"]
     caption = (
         f"KID x 1000 against {found['real']} real images. Features: a ResNet-20 of width {section.features.width}, "
         f"trained here for {section.features.steps} steps to tell {shapes} other shapes and their views apart. ±: "
@@ -145,16 +139,16 @@ def _images(results: _Results) -> pages.Section:
     )
     limit = (
         "What two cores cannot show: the paper's trainings have 100,000 steps of full-size networks; here the image "
-        f"GANs have {results.gan.steps} steps of narrow ones, so image quality says nothing about the method's best."
+        f"GANs have {gan.steps} steps of narrow ones, so image quality says nothing about the method's best."
     )
     return pages.Section("Images", [pages.Table(caption, header, rows), check, limit])
 
 
-def _trainings(results: _Results) -> pages.Section:
+def _trainings(run: Run) -> pages.Section:
     rows = [
         [label, f"{log[-1]['step']:,.0f}", f"{log[-1]['seconds'] / 60:.1f}", f"{log[-1]['loss']:.3f}"]
         for name, label in TRAININGS.items()
-        if (log := results.logs[name])
+        if (log := training_loop.read_log(run.folder(name)))
     ]
     caption = "One process each. The losses are not of one kind."
     header = ["", "steps", "minutes", "last loss"]

@@ -8,7 +8,7 @@ import pandas as pd
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, claims, paper_results, scoring
 from ddf_lab.report import figures, scores
-from ddf_lab.report.pages import Block, Cell, Figure, Section, Table
+from ddf_lab.report.pages import Cell, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
 MODELS = tuple((scores.METHOD_LABELS[method], method) for method in (scoring.DDF, scoring.PC_SIREN, scoring.DDF_IMAGE))
@@ -124,9 +124,8 @@ def _listed(names: list[str]) -> str:
 def results_section(results: Results) -> Section:
     """Both models in the paper's columns, what their scores are made of, and the paper's numbers."""
     caption = f"Means over images. Bold: better than both others. {scores.images_note(results)}"
-    moved = (results.per_image["method"] == scoring.DDF_ON_MASK).any()
     on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
-    blocks: list[Block | None] = [
+    blocks = [
         scores.pairs(results, results.groups, COLUMNS, MODELS, caption, labels=_ARROWS, spread=True),
         reading(results),
         scores.pairs(
@@ -145,7 +144,7 @@ def results_section(results: Results) -> Section:
             "DDF with shapes moved until their silhouettes from the predicted camera agree with the test image's "
             "alpha. PC-SIREN is given no such descent here.",
         )
-        if moved
+        if (results.per_image["method"] == scoring.DDF_ON_MASK).any()
         else None,
         scores.pairs(
             results,
@@ -166,7 +165,7 @@ def results_section(results: Results) -> Section:
             paper_results.SOURCE,
         ),
     ]
-    return Section("Results", [block for block in blocks if block])
+    return Section("Results", blocks)
 
 
 def reading(results: Results) -> tuple[str, ...]:
@@ -202,8 +201,7 @@ def one_cycle_section(results: Results) -> Section:
         f"DDF with points projected onto the surface once, and {cycles} times (N<sub>H</sub>), each cloud with its own "
         "scale. The paper's table `si3dr1h` is in [si3dr.csv](si3dr.csv)."
     )
-    ours = scores.pairs(results, results.groups, ("Pi_g-L",), methods, caption)
-    return Section("One projection cycle", [ours] if ours else [])
+    return Section("One projection cycle", [scores.pairs(results, results.groups, ("Pi_g-L",), methods, caption)])
 
 
 def baselines_section(results: Results) -> Section:
@@ -226,7 +224,7 @@ def baselines_section(results: Results) -> Section:
     )
     rivals = [(method, "Pi_g-L") for method in _COMPETITORS]
     table = scores.table(results, results.groups, lines, ["", *_JUDGED.values()], caption, rivals)
-    return Section("Baselines and ceilings", [*([table] if table else []), reading])
+    return Section("Baselines and ceilings", [table, reading])
 
 
 def nearest_section(results: Results) -> Section:
@@ -242,8 +240,7 @@ def nearest_section(results: Results) -> Section:
     reading = (
         "A model that is only right near what it learned rises with the line: correlation near 1, few shapes above it."
     )
-    near = relatives_table(found)
-    return Section("Far from the training shapes", [dots, nearest_table(found), reading, *([near] if near else [])])
+    return Section("Far from the training shapes", [dots, nearest_table(found), reading, relatives_table(found)])
 
 
 def by_shape(results: Results, group: str) -> pd.DataFrame:

@@ -46,10 +46,10 @@ Block = str | tuple[str, ...] | Table | Figure  # a paragraph, a bullet list, a 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it: a picture first where there is one, then numbers. folded: seen on a click."""
+    """A heading and what stands below it, pictures first; None is left out. folded: seen on a click."""
 
     title: str
-    blocks: Sequence[Block]
+    blocks: Sequence[Block | None]
     folded: bool = False
 
 
@@ -61,16 +61,12 @@ class Page:
     lead: Sequence[Block]
     sections: Sequence[Section]
 
-    def contents(self) -> dict[str, bytes]:
-        """Contents of the figures by file name."""
-        blocks = [*self.lead, *(block for section in self.sections for block in section.blocks)]
-        return {block.name: block.content for block in blocks if isinstance(block, Figure)}
-
 
 def write(page: Page, folder: Path) -> None:
     """README.md, and the figures."""
-    for name, content in page.contents().items():
-        storage.write_bytes(folder / name, content)
+    for block in (*page.lead, *(block for section in page.sections for block in section.blocks)):
+        if isinstance(block, Figure):
+            storage.write_bytes(folder / block.name, block.content)
     storage.write_text(folder / "README.md", markdown(page))
 
 
@@ -78,8 +74,10 @@ def markdown(page: Page) -> str:
     """GitHub-flavoured Markdown."""
     parts = [f"# {page.title}", *map(_block, page.lead)]
     for section in page.sections:
-        around = ("<details markdown><summary>Open</summary>", "</details>") if section.folded else ("", "")
-        parts += [f"## {section.title}", *filter(None, (around[0], *map(_block, section.blocks), around[1]))]
+        blocks = [_block(block) for block in section.blocks if block]
+        if section.folded:
+            blocks = ["<details markdown><summary>Open</summary>", *blocks, "</details>"]
+        parts += [f"## {section.title}", *blocks]
     return "\n\n".join(parts) + "\n"
 
 

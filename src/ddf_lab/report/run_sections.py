@@ -64,8 +64,7 @@ def cameras_section(results: Results) -> Section:
         f"More than {scoring.TURNED_DEG:.0f}° off, front is taken for rear."
     )
     header = ["", *(label for label, _ in _CAMERA_METRICS.values())]
-    table = scores.table(results, results.groups, lines, header, caption)
-    return Section("Cameras", [table] if table else [])
+    return Section("Cameras", [scores.table(results, results.groups, lines, header, caption)])
 
 
 def training_section(results: Results) -> Section:
@@ -102,16 +101,14 @@ def data_section(results: Results) -> Section:
         "points count, as in Pixel2Mesh."
     )
     header = ["", "train shapes", "test shapes", "points, median", "hidden, %"]
-    blocks: list[Block] = [Table(caption, header, rows)]
-    if len(results.failures):
-        blocks.append(f"{len(results.failures)} shapes were left out:")
-        failures = results.failures.to_dict("records")
-        blocks.append(tuple(f"`{row['id']}` ({row['stage']}): {row['reason']}" for row in failures))
-    else:
-        blocks.append("No shape was left out.")
-    if seen := results.settings["dataset"].rows():
-        blocks.append("Makers of the real shapes, by licence:")
-        blocks.append(tuple(groups.makers(seen)))
+    failures, seen = results.failures.to_dict("records"), results.settings["dataset"].rows()
+    blocks = [
+        Table(caption, header, rows),
+        f"{len(failures)} shapes were left out:" if failures else "No shape was left out.",
+        tuple(f"`{row['id']}` ({row['stage']}): {row['reason']}" for row in failures),
+        "Makers of the real shapes, by licence:" if seen else None,
+        tuple(groups.makers(seen)),
+    ]
     return Section("Data", blocks)
 
 
@@ -142,11 +139,11 @@ def limits_section(results: Results) -> Section:
         limits.append(f"{results.seeds} seeds were trained, all on the same data set and samples.")
     else:
         limits.append("One seed was trained: standard errors in [si3dr.csv](si3dr.csv) are over images.")
-    blocks: list[Block] = [tuple(limits)]
-    if changed:
-        blocks.append(Table("Settings that differ from the paper's.", ["", "here", "paper"], changed))
-    if own:
-        blocks.append(f"The paper does not give {', '.join(own)}.")
+    blocks = [
+        tuple(limits),
+        Table("Settings that differ from the paper's.", ["", "here", "paper"], changed) if changed else None,
+        f"The paper does not give {', '.join(own)}." if own else None,
+    ]
     return Section("What does not reproduce", blocks)
 
 
