@@ -9,7 +9,7 @@ import types
 from collections.abc import Mapping, Sequence
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.fields import field_outputs, pddf, siren
@@ -40,13 +40,6 @@ class Graph(nn.Module):
     def values(self, inputs: Mapping[str, Tensor]) -> FieldValues | None:
         """The field at the inputs, where the graph holds one."""
         return None
-
-    def clear(self, inputs: Mapping[str, Tensor]) -> dict[str, Bool[Tensor, "n"]]:
-        """Per output of a field, the rows where a difference means a fault; other outputs are continuous everywhere."""
-        values = self.values(inputs)
-        return (
-            {} if values is None else {name: OUTPUTS[name].clear(values) for name in self.meanings if name in OUTPUTS}
-        )
 
 
 class FieldGraph(Graph):
