@@ -70,16 +70,6 @@ def test_depth_equals_march_along_ray(name):
     assert_close(hits.depth[agree], marched[agree], atol=1e-9, rtol=0)
 
 
-@pytest.mark.parametrize("name", SHAPES)
-def test_normals_are_unit_and_face_back(name):
-    points = random_rays(500, seed=2)
-    hits = primitives.cast(SHAPES[name], points)
-    seen = hits.visible
-    assert_close(hits.normals[seen].norm(dim=-1), torch.ones(int(seen.sum()), dtype=torch.float64))
-    assert ((hits.normals * points.directions).sum(-1)[seen] <= 0).all()
-    assert (hits.normals[~seen] == 0).all() and torch.isinf(hits.depth[~seen]).all()
-
-
 def _clear_rays(name: str, seed: int) -> rays.OrientedPoints:
     points = random_rays(400, seed=seed)
     hits = primitives.cast(SHAPES[name], points)
