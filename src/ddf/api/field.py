@@ -234,8 +234,8 @@ def fit(
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
       tolerance: of patches: largest distance from the mesh, of half its longest side; 3e-4 if nothing is said, more of
         noisy rays.
-      rays: in place of a mesh: a scan, such as `depth_camera` gives, or a path as of `ddf fit`. `Field.seen` says what
-        they saw.
+      rays: in place of a mesh: a scan, such as `depth_camera` gives, or a path as of `ddf fit`. `Field.seen` of patches
+        says what they saw.
     Returns:
       The field, in the frame and the unit of the mesh; its `path` is `out`.
     Raises:
@@ -266,18 +266,18 @@ def fit(
 
     if (mesh is None) == (rays is None):
         raise checks.InputError("a field is fitted to a mesh or to rays")
-    if rays is not None and network:
-        raise checks.InputError("rays are fitted by patches; the network is fitted to meshes")
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        if rays is not None:
-            of_scan = isinstance(rays, scans.Scan)
-            found = posed_depth.Sensed(rays, "a scan", 1) if of_scan else posed_depth.read(Path(rays))
-            patch_fitting.fit_rays(found.scan, tolerance, Path(folder), sensed=found.sensed)
-        elif network:
+        of_scan = isinstance(rays, scans.Scan)
+        found = posed_depth.Sensed(rays, "a scan", 1) if of_scan else rays and posed_depth.read(Path(rays))
+        if network:
             settings = network_settings(minutes, steps)
             from ddf.fit import fitting
 
-            fitting.fit(meshes.as_mesh(mesh), settings, Path(folder))
+            if found:
+                found.require_sensed()
+            fitting.fit(found.scan if found else meshes.as_mesh(mesh), settings, Path(folder))
+        elif found:
+            patch_fitting.fit_rays(found.scan, tolerance, Path(folder), sensed=found.sensed)
         else:
             patches = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
             patch_fitting.fit(meshes.as_mesh(mesh), patches, Path(folder))

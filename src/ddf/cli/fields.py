@@ -13,8 +13,10 @@ from ddf.cli.declare import Arg, command
 from ddf.fields import field_outputs
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ddf.fields import framed_field
-    from ddf.geometry import mesh_io
+    from ddf.geometry import mesh_io, posed_depth
 
 ONNX = "field.onnx"  # of a folder, beside its weights
 
@@ -40,7 +42,7 @@ def fit(
     | `--kind` | the field | needs |
     | --- | --- | --- |
     | `patches`, the default | small planes and paraboloids in an octree, `--tolerance` from the mesh | seconds |
-    | `sine` | the paper's network | `--minutes` or `--steps`, which imply it; an interrupted fit goes on |
+    | `sine` | the paper's network; of rays without terms of normals | `--minutes` or `--steps`, which imply it |
 
     Args:
       mesh: mesh file, fitted as it is, inner sheets included; or rays.
@@ -65,11 +67,16 @@ def fit(
         raise checks.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
     if (kind == "sine" or of_sine) and tolerance is not None:
         raise checks.InputError("--tolerance is of --kind patches")
-    if posed_depth.is_rays(mesh):
-        if kind == "sine" or of_sine:
-            raise checks.InputError("rays are fitted by patches; the network is fitted to meshes")
-        return _of_rays(mesh, out, tolerance, force)
+    of_rays = posed_depth.is_rays(mesh)
     if kind != "sine" and not of_sine:
+        if of_rays:
+            return _of_rays(
+                mesh,
+                out,
+                lambda found, sources: patch_fitting.fit_rays(
+                    found.scan, tolerance, out, sources, sensed=found.sensed, force=force
+                ),
+            )
         from ddf.fields.grid import octree
 
         patches = octree.PatchConfig.within(tolerance)
@@ -83,8 +90,15 @@ def fit(
     settings = fields.network_settings(minutes, steps, config)
     if seed is not None:
         settings = dataclasses.replace(settings, loop=dataclasses.replace(settings.loop, seed=seed))
-    loaded = mesh_io.load_surface(mesh)
     used = threads_of(settings.loop.threads, settings.steps is None)
+    if of_rays:
+        return _of_rays(
+            mesh,
+            out,
+            lambda found, sources: fitting.fit(found.scan, settings, out, sources, threads=used, force=force),
+            network=True,
+        )
+    loaded = mesh_io.load_surface(mesh)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
     few = f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes"
@@ -92,19 +106,24 @@ def fit(
     return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", f"{spent}{few}")
 
 
-def _of_rays(source: Path, out: Path, tolerance: float | None, force: bool) -> dict[str, Any]:
-    """Patches of what a sensor saw; what was understood of it is told before."""
+def _of_rays(
+    source: Path,
+    out: Path,
+    fit: "Callable[[posed_depth.Sensed, dict[str, str]], dict[str, Any]]",
+    network: bool = False,
+) -> dict[str, Any]:
+    """A field of what a sensor saw; what was understood of it is told before."""
     from ddf.core import storage
-    from ddf.fit import patch_fitting
     from ddf.geometry import posed_depth
 
     results.show_parts()
     found = posed_depth.read(source)
+    if network:
+        found.require_sensed()
     logging.getLogger(__name__).info(found.told)
-    sources = {source.name: storage.checksum(source)}
-    result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force)
+    result = fit(found, {source.name: storage.checksum(source)})
     already, errors = result.pop("already"), result["held_out"]
-    spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
+    spent = f"{result['steps']:,} steps" if network else f"{result['patches']:,} patches, {result['bytes']:,} bytes"
     return {
         **result,
         "understood": found.told,

@@ -1,7 +1,8 @@
-"""Fitting one field to one mesh: six sample types in memory, held-out errors, a budget of steps or of minutes.
+"""Fitting one field to one mesh or to measured rays: samples in memory, held-out errors, steps or minutes.
 
-The mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
+A mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
+Rays: `ray_samples`; some are held out.
 
 Budget: `steps` is the reproducible way. `minutes` is the convenient one: a clock for sampling and training, which the
 schedule follows (`loop_config.Clock`). Sampling takes at most `SAMPLING_SHARE` of it, with fewer samples on a machine
@@ -12,7 +13,8 @@ import dataclasses
 import functools
 import hashlib
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +26,8 @@ from torch import Tensor
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_values, losses, model_files, pddf, shape_field
-from ddf.fit import fit_folder, fit_settings, held_out, shape_samples
-from ddf.geometry import mesh_io, transforms
+from ddf.fit import fit_folder, fit_settings, held_out, patch_fitting, ray_samples, shape_samples
+from ddf.geometry import mesh_io, scans, transforms
 from ddf.models import loop_config
 from ddf.training import training_loop
 
@@ -72,8 +74,48 @@ def _affordable(mesh: mesh_io.Mesh, config: fit_settings.FitConfig) -> float:
     return min(1.0, max(_PROBE, _PROBE * allowed / (time.monotonic() - started)))
 
 
+@dataclass(frozen=True)
+class _Given:
+    """What a field is fitted to: samples for a share of those asked for; errors of the folder's field, held out."""
+
+    own_from_raw: transforms.Similarity
+    weights: losses.LossWeights
+    share: Callable[[], float]
+    draw: Callable[[dict[str, int]], shape_samples.ShapeSamples]
+    errors: Callable[[pddf.PDDF, Path], dict[str, Any]]
+
+
+def _of_mesh(raw: mesh_io.Mesh, config: fit_settings.FitConfig, without: str | None) -> _Given:
+    mesh, own_from_mesh = fit_folder.in_cube(raw)
+
+    def draw(counts: dict[str, int]) -> shape_samples.ShapeSamples:
+        samples = shape_samples.draw_samples(mesh, config.drawing, counts, "train", "samples")
+        return samples if without is None else samples.without(without)
+
+    def errors(field: pddf.PDDF, _: Path) -> dict[str, Any]:
+        tested = shape_samples.draw_samples(mesh, config.drawing, sample_types.each(config.held_out), "held_out")
+        return {"held_out": held_out_errors(field, tested)}
+
+    return _Given(own_from_mesh, config.weights, lambda: _affordable(mesh, config), draw, errors)
+
+
+def _of_rays(scan: scans.Scan, config: fit_settings.FitConfig) -> _Given:
+    fused, split, facts = patch_fitting.fused(scan)
+    mesh, own_from_scan = fit_folder.in_cube(fused.mesh)
+    mesh, drawn = shape_samples.within(mesh, config.drawing, config.samples)
+    field_from_scan = transforms.Similarity(1 - config.margin).compose(own_from_scan)
+
+    def draw(counts: dict[str, int]) -> shape_samples.ShapeSamples:
+        return ray_samples.draw(split.kept, mesh, field_from_scan, drawn, sum(counts.values()))
+
+    def errors(_: pddf.PDDF, out_dir: Path) -> dict[str, Any]:
+        return {"held_out": split.errors(shape_field.load(out_dir)), **facts}
+
+    return _Given(own_from_scan, ray_samples.weights(config.weights), lambda: 1.0, draw, errors)
+
+
 def fit(
-    raw: mesh_io.Mesh,
+    raw: mesh_io.Mesh | scans.Scan,
     config: fit_settings.FitConfig,
     out_dir: Path,
     source: Mapping[str, str] | None = None,
@@ -82,7 +124,8 @@ def fit(
     threads: int | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Fit a field to a mesh in its own frame; write model.safetensors (`shape_field.load`), log.csv and fit.json.
+    """Fit a field to a mesh or rays in their own frame; write model.safetensors (`shape_field.load`), log.csv and
+    fit.json.
 
     Goes on in `out_dir` where an earlier run with the same mesh, config and code was stopped, or had fewer minutes.
 
@@ -92,15 +135,18 @@ def fit(
       threads: in place of those of the config, without being another fit.
       force: replace the field of another mesh in the folder.
     Returns:
-      The content of fit.json: held_out (`held_out_errors`), seconds (of all runs that led there), parameters,
-      steps, samples (of training), seconds_per_step, box. And already: whether an earlier run had ended it.
+      The content of fit.json: held_out (`held_out_errors`; of rays as of `patch_fitting.fit_rays`, with noise and
+      seen), seconds (of all runs that led there), parameters, steps, samples (of training), seconds_per_step, box. And
+      already: whether an earlier run had ended it.
     Raises:
       InputError: the mesh has no triangle with an area, another fit is at work in the folder, or it holds the field of
         another mesh.
     """
     with fit_folder.owned(out_dir):
         started = time.monotonic()
-        content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
+        of_scan = isinstance(raw, scans.Scan)
+        told = (raw.positions, raw.directions, raw.ranges) if of_scan else (raw.vertices, raw.faces)
+        content = hashlib.sha256(b"".join(each.tobytes() for each in told)).hexdigest()
         names = [item.name for item in dataclasses.fields(config) if item.name != "minutes"]  # more of them go on
         recipe = {name: getattr(config, name) for name in names}
         identity = provenance.fingerprint([recipe, content, without], (), "ddf.fit.fitting")
@@ -111,11 +157,10 @@ def fit(
             if earlier is not None:
                 return {**earlier, "already": True}
         training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
-        mesh, own_from_mesh = fit_folder.in_cube(raw)
-        share = plan.get("samples_share") or _affordable(mesh, config)
+        given = _of_rays(raw, config) if isinstance(raw, scans.Scan) else _of_mesh(raw, config, without)
+        share = plan.get("samples_share") or given.share()
         drawn = sample_types.scaled(config.samples, share)
-        samples = shape_samples.draw_samples(mesh, config.drawing, drawn, "train", "samples")
-        samples = samples if without is None else samples.without(without)
+        samples = given.draw(drawn)
         field = pddf.PDDF(config.field).to(model_files.device())
         if config.start == "flat":
             start_flat(field, samples)
@@ -127,17 +172,19 @@ def fit(
             "seed": config.loop.seed,
             "sources": dict(source or {}),
             **shape_field.description(
-                config.field, samples.lower, samples.upper, transforms.Similarity(samples.unit).compose(own_from_mesh)
+                config.field,
+                samples.lower,
+                samples.upper,
+                transforms.Similarity(samples.unit).compose(given.own_from_raw),
             ),
         }
-        loss = functools.partial(step_loss, field, samples, config)
+        loss = functools.partial(step_loss, field, samples, dataclasses.replace(config, weights=given.weights))
         name = f"fit without {without}" if without else "fit"
         steps, seconds = training_loop.fit(
             field, _groups(field), loss, _budget(config, sampling), config.loop, out_dir, record, name
         )
-        tested = shape_samples.draw_samples(mesh, config.drawing, sample_types.each(config.held_out), "held_out")
         result = {
-            "held_out": held_out_errors(field.eval(), tested),
+            **given.errors(field.eval(), out_dir),
             "seconds": sampling + seconds,
             "sampling_seconds": sampling,
             "parameters": pddf.count_parameters(field),

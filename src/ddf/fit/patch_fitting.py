@@ -4,6 +4,7 @@ import hashlib
 import logging
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -84,23 +85,41 @@ def fit_rays(
     """
 
     def make() -> _Made:
-        random = np.random.default_rng(0)
-        kept = random.random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
-        fused = fused_rays.fuse(scan.some(kept), sensed)
-        seen = float(fused.passed.mean())
-        LOGGER.info(
-            "cells of %.3g, hits %.2g off the surface (deviation); rays passed %.0f%% of the space around",
-            *(fused.cell, fused.noise, 100 * seen),
-        )
+        surface, split, facts = fused(scan, sensed)
 
         def errors(field: patch_field.PatchField) -> dict[str, Any]:
-            off = OFF * float(np.ptp(fused.mesh.box(), axis=0).max()) + SIGMAS * fused.noise
-            return {"held_out": ray_errors(field, scan.some(~kept), off), "noise": fused.noise, "seen": seen}
+            return {"held_out": split.errors(field), **facts}
 
-        return of_fused(fused, tolerance), errors
+        return of_fused(surface, tolerance), errors
 
     told = (scan.positions, scan.directions, scan.ranges)
     return _written(["rays", tolerance, sensed], told, out_dir, source, force, make)
+
+
+@dataclass(frozen=True)
+class Split:
+    """The rays that a field is fitted to, and those that it is measured on; off: as of `ray_errors`."""
+
+    kept: scans.Scan
+    left: scans.Scan
+    off: float
+
+    def errors(self, field: framed_field.FramedField) -> dict[str, float]:
+        """As `ray_errors`."""
+        return ray_errors(field, self.left, self.off)
+
+
+def fused(scan: scans.Scan, sensed: bool = True) -> tuple[fused_rays.Fused, Split, dict[str, float]]:
+    """The surface that `HELD_OUT` less of the rays have in common, both parts, and what `fit_rays` tells of them."""
+    kept = np.random.default_rng(0).random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
+    found = fused_rays.fuse(scan.some(kept), sensed)
+    facts = {"noise": found.noise, "seen": float(found.passed.mean())}
+    LOGGER.info(
+        "cells of %.3g, hits %.2g off the surface (deviation); rays passed %.0f%% of the space around",
+        *(found.cell, found.noise, 100 * facts["seen"]),
+    )
+    off = OFF * float(np.ptp(found.mesh.box(), axis=0).max()) + SIGMAS * found.noise
+    return found, Split(scan.some(kept), scan.some(~kept), off), facts
 
 
 def of_fused(fused: fused_rays.Fused, tolerance: float | None = None) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

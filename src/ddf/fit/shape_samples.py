@@ -96,12 +96,7 @@ def draw_samples(
       stream: name of the random stream; training and held-out samples have their own.
       describe: title of a progress bar; None for none.
     """
-    unit = 1 - drawing.margin
-    mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
-    lower, upper = mesh.box()
-    box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
-    offset = drawing.epsilon_o * unit
-    drawn = extraction.SamplesConfig(counts, offset, "fixed", box, drawing.margin, seed=drawing.seed)
+    mesh, drawn = within(mesh, drawing, counts)
     packed = extraction.extract(mesh, drawn, stream, describe=describe)
     arrays = {}
     for kind in sample_types.KINDS:
@@ -115,4 +110,17 @@ def draw_samples(
             "normals": samples["normals"],
         }
     sides = extraction.box_of(mesh, drawn)
+    unit = 1 - drawing.margin
     return ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit)
+
+
+def within(
+    mesh: mesh_io.Mesh, drawing: Drawing, counts: dict[str, int]
+) -> tuple[mesh_io.Mesh, extraction.SamplesConfig]:
+    """A mesh in [-1, 1]^3, shrunk to leave the margin, and how its samples are drawn."""
+    unit = 1 - drawing.margin
+    mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
+    lower, upper = mesh.box()
+    box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
+    offset = drawing.epsilon_o * unit
+    return mesh, extraction.SamplesConfig(counts, offset, "fixed", box, drawing.margin, seed=drawing.seed)

@@ -50,6 +50,11 @@ class Sensed:
     frames: int
     sensed: bool = True
 
+    def require_sensed(self) -> None:
+        """InputError where it is not known from where points were seen, so that only patches can be fitted."""
+        if not self.sensed:
+            raise checks.InputError(f"{self.kind} do not tell what is free; they are fitted by patches alone")
+
     @property
     def told(self) -> str:
         """What was understood of it, one line."""

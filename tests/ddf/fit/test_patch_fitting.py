@@ -169,8 +169,13 @@ def test_one_view_knows_half(tmp_path):
     assert not field.seen(-eye, eye / np.linalg.norm(eye)).any()
 
 
-def test_rays_refuse_what_is_of_meshes(of_rays, tmp_path, capsys):
-    assert cli.main(["fit", str(of_rays[0] / "scan.npz"), str(tmp_path / "out"), "--steps", "5"]) == 2
-    assert "the network is fitted to meshes" in capsys.readouterr().err
+def test_the_network_takes_rays_whose_sensors_are_known(of_rays, tmp_path, capsys):
+    assert cli.main(["fit", str(of_rays[0] / "scan.npz"), str(tmp_path / "out"), "--steps", "3"]) == 0
+    told = capsys.readouterr().out
+    assert "held-out rays" in told and "3 steps" in told
+    ball = icosphere(3)
+    (tmp_path / "cloud.ply").write_bytes(mesh_io.points_ply(ball.vertices, ball.vertices))
+    assert cli.main(["fit", str(tmp_path / "cloud.ply"), str(tmp_path / "no"), "--steps", "3"]) == 2
+    assert "fitted by patches alone" in capsys.readouterr().err
     with pytest.raises(ValueError, match="to a mesh or to rays"):
         ddf.fit()
