@@ -9,7 +9,6 @@ from ddf_lab.run import Run
 
 @stage.main()
 def make(run: Run) -> None:
-    """Fit seven fields, each within the budget of `fit.ablation`, and write their held-out errors."""
     fit = run.section(fit_settings.FitConfig)
     out_dir = run.folder("ablate_samples")
     mesh, source = shape_fits.source_mesh(fit.mesh, fit.loop.seed)

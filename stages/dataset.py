@@ -7,5 +7,4 @@ from ddf_lab.run import Run
 
 @stage.main()
 def make(run: Run) -> None:
-    """Make or check the data set of an experiment and write its index.json."""
     dataset.write_index(run.section(dataset.DatasetConfig), run.folder("dataset"))

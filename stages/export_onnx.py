@@ -11,7 +11,6 @@ from ddf_lab.run import Run
 
 @stage.main(category=True)
 def make(run: Run) -> None:
-    """Write one file per graph and onnx_parity.csv."""
     section = onnx_file.ExportConfig()
     out_dir = run.folder("export_onnx")
     folder, rows = run.folder("train_ddf"), []

@@ -7,5 +7,4 @@ from ddf_lab.run import Run
 
 @stage.main()
 def make(run: Run) -> None:
-    """Read what all stages left behind and write the report."""
     experiment_page.write(run, run.page)

@@ -8,7 +8,6 @@ from ddf_lab.run import Run
 
 @stage.main(category=True)
 def make(run: Run) -> None:
-    """Read what the stages before left behind and write the page."""
     generative_page.write(
         run, run.section(generative_settings.GANConfig), run.section(generative_settings.ScoresConfig)
     )

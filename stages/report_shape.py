@@ -8,5 +8,4 @@ from ddf_lab.run import Run
 
 @stage.main()
 def make(run: Run) -> None:
-    """Read what `fit_shape` and `ablate_samples` left behind and write the page."""
     shape_page.write(run, run.section(fit_settings.FitConfig))

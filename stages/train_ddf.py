@@ -15,7 +15,6 @@ from ddf_lab.run import Run
 @stage.main(category=True, seed=True)
 @distributed.shared
 def make(run: Run) -> None:
-    """Read training images and samples of the category, train, write model and log."""
     train = run.reseeded(reconstruction_settings.TrainConfig)
     section = run.section(reconstruction_settings.DDFConfig)
     training_loop.prepare(train.loop, train.batch_size)

@@ -14,7 +14,6 @@ from ddf_lab.run import Run
 @stage.main(category=True)
 @distributed.shared
 def make(run: Run) -> None:
-    """Read images, train, write model and log."""
     section = run.section(generative_settings.ScoresConfig).features
     training_loop.prepare(section.loop, section.batch_size)
 

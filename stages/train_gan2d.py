@@ -13,7 +13,6 @@ from ddf_lab.run import Run
 @stage.main(category=True)
 @distributed.shared
 def make(run: Run) -> None:
-    """Read images, train, write model and log."""
     gan = run.section(generative_settings.GANConfig)
     training_loop.prepare(gan.loop, gan.batch_size)
 

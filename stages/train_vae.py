@@ -14,7 +14,6 @@ from ddf_lab.run import Run
 @stage.main(category=True)
 @distributed.shared
 def make(run: Run) -> None:
-    """Read the samples of the shapes that are learned, train, write model and log."""
     section = run.section(generative_settings.VAEConfig)
     samples_dir = run.folder("samples")
     training_loop.prepare(section.loop, section.batch_size)

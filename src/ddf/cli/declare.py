@@ -132,10 +132,10 @@ class Command:
 
 
 def command(
-    room: str, *, name: str = "", api: str = "", kept: str = "", actions: str = ""
+    room: str, *, api: str = "", kept: str = "", actions: str = ""
 ) -> Callable[[Callable[..., dict[str, Any]]], Command]:
-    """Declare a function as a command, of its own name if none is given."""
-    return lambda run: Command(run, name or run.__name__, room, api, kept, actions)
+    """Declare a function as a command of its name."""
+    return lambda run: Command(run, run.__name__, room, api, kept, actions)
 
 
 def found_in(module: types.ModuleType) -> Iterator[Command]:

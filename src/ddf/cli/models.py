@@ -148,7 +148,6 @@ def _folders(images: Sequence[Path], out: Path) -> list[Path]:
 
 
 def _line(result: Mapping[str, Any]) -> str:
-    """The verdict, the camera, and what was made."""
     view = result["camera"]
     far = result["silhouette_iou"] < _AGREES
     doubt = f"; its outline is not the picture's: they overlap by {result['silhouette_iou']:.2f}" if far else ""

@@ -113,7 +113,6 @@ def _told(
 
 
 def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int | None, bits: int) -> None:
-    """Raise when the file cannot hold what is asked for."""
     from ddf.core import checks
 
     pictures, shaded = image_files.PICTURES, outputs == (arguments.SHADED,)
@@ -132,7 +131,6 @@ def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int |
 def _shaded(
     field: Path, out: Path, camera: arguments.Camera, size: int, turn: int | None, up: arguments.Up
 ) -> dict[str, Any]:
-    """Draw and write shaded pictures; returns how many rays were evaluated."""
     import numpy as np
 
     from ddf.core import storage
@@ -399,7 +397,6 @@ def _cameras(
     path: str | None,
     frames: int,
 ) -> "list[scene_field.LookAt]":
-    """One, or those of the path."""
     from ddf.fields import framed_field, scene_field
 
     azimuth, elevation, radius = camera
@@ -414,7 +411,6 @@ def _cameras(
 
 
 def _pictures(name: str, stacked: "dict[str, np.ndarray]") -> "list[np.ndarray]":
-    """Frames in colours; depths of all frames on one scale."""
     from ddf.pictures import field_pictures
 
     if name == "depth":

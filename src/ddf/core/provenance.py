@@ -121,7 +121,6 @@ def _package_files(name: str) -> list[Path]:
 
 
 def _inside(file: Path) -> bool:
-    """Whether a file is of one of the packages."""
     return file.is_relative_to(SOURCES) and bool(PACKAGE.fullmatch(file.relative_to(SOURCES).parts[0]))
 
 

@@ -162,16 +162,12 @@ def test_a_missing_package_is_named_with_its_extra():
         raise ModuleNotFoundError("nothing", name="nothing")
 
 
-@pytest.mark.parametrize("again", [1, 2])
-def test_a_saved_field_answers_the_same(tmp_path, again):
-    own = found = ddf.load(ddf.load("rabbit").save(tmp_path / "own").parent)
-    for number in range(again):
-        found.save(tmp_path / str(number))
-        found = ddf.load(tmp_path / str(number))
+def test_a_saved_field_answers_the_same(tmp_path):
+    own = ddf.load(ddf.load("rabbit").save(tmp_path / "own").parent)
+    found = ddf.load(own.save(tmp_path / "again").parent)
     seen, other = (field.render(size=32, outputs=("visibility", "depth", "normals")) for field in (own, found))
     assert all(np.array_equal(seen[name], other[name]) for name in seen) and (seen["visibility"] > 0.5).any()
-    assert "parameters" in repr(found) and f"{own.box[0][0]:.3g}" in repr(found)
-    assert repr(found).startswith(f"Field({tmp_path / str(again - 1)}; ")
+    assert "parameters" in repr(found) and repr(found).startswith(f"Field({tmp_path / 'again'}; ")
 
 
 def test_points_have_normals_and_a_page_is_written(rabbit, tmp_path):

@@ -39,6 +39,7 @@ def _place(work, fitted):
     ranges = np.where(np.arange(64) % 2, 2.0, np.inf)
     along = np.tile([0.0, 0, -1], (64, 1))
     starts = np.column_stack([np.random.default_rng(0).uniform(-0.3, 0.3, (64, 2)), np.full(64, 2.0)])
+    np.savez(work / "scan_of_one.npz", positions=starts[0])
     np.savez(work / "scan.npz", positions=starts, directions=along, ranges=ranges)
     (work / "none.ply").write_bytes(mesh_io.points_ply(np.zeros((0, 3))))
     (work / "one.ply").write_bytes(mesh_io.points_ply(np.ones((3, 3))))
@@ -79,6 +80,7 @@ LINES = [
     ("surface hare out.ply", "hare: no such file"),
     ("surface rabbit none/out.ply", "there is no folder"),
     ("udf rabbit --points none.npz --out out.npz", "No such file"),
+    ("udf rabbit --points scan_of_one.npz --out out.npz", "positions must be numbers of shape (N, 3)"),
     ("render field out.png --camera 1,2,-1", "camera radius >= 0"),
     ("render field out.png --camera 1,2,nan", "camera must be finite"),
     ("render field out.png --camera inf,2", "camera must be finite"),
@@ -185,17 +187,3 @@ def test_rays_that_are_none(command, arrays, said, _place, tmp_path, refusal, mo
     np.savez_compressed(tmp_path / "rays.npz", **given)
     line = refusal(*command.split(), "--rays", tmp_path / "rays.npz", "--out", tmp_path / "out.npz")
     assert said in line and "rays.npz" in line and not (tmp_path / "out.npz").exists()
-
-
-@pytest.mark.parametrize(
-    ("arrays", "said"),
-    [
-        ({"other": np.zeros((2, 3))}, "has no array 'positions'"),
-        ({"positions": np.zeros((2, 2))}, "positions must be numbers of shape (N, 3)"),
-        ({"positions": np.full((1, 3), np.nan)}, "positions must be finite"),
-    ],
-)
-def test_points_that_are_none(arrays, said, tmp_path, refusal):
-    np.savez(tmp_path / "p.npz", **arrays)
-    assert said in refusal("udf", "rabbit", "--points", tmp_path / "p.npz", "--out", tmp_path / "u.npz")
-    assert not (tmp_path / "u.npz").exists()

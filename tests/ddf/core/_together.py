@@ -1,12 +1,7 @@
-"""The trainings that test_distributed.py runs on one process and, behind torchrun, on several.
-
-`_together.py FOLDER` for all of them, `_together.py FOLDER exact` for the one in float64.
-"""
+"""The trainings that test_distributed.py runs on one process and, behind torchrun, on two: `_together.py FOLDER`."""
 
 import dataclasses
 import functools
-import os
-import signal
 import sys
 from pathlib import Path
 
@@ -21,7 +16,6 @@ from ddf.models import reconstruction_models
 from ddf.training import reconstruction_steps, training_loop
 
 STEPS, BATCH = 3, 4
-KILLED_AT = 2  # the step before which the process that `KILLED` names dies
 LOOP = dataclasses.replace(_models.LOOP, clip_norm=0.1, checkpoint_seconds=0.0)
 TRAIN = dataclasses.replace(_models.TRAIN, loop=LOOP)
 KINDS = ("ddf", "pcsiren")
@@ -37,8 +31,6 @@ def exact_model():
 def _exact_loss(model, stop_at, step):
     if step == stop_at:
         raise KeyboardInterrupt
-    if step == KILLED_AT and os.environ.get("KILLED") == str(distributed.rank()):
-        os.kill(os.getpid(), signal.SIGKILL)
     images = torch.from_numpy(np.random.default_rng(step).standard_normal((BATCH, 3, 6, 6)) + 3)
     own = images[distributed.part(BATCH)]
     loss = (model(own)[:, 0] - own.amax((1, 2, 3))).square().mean()
@@ -55,11 +47,7 @@ def fit_exact(folder, stop_at=None, fingerprint="exact"):
 def fresh(kind):
     """A reconstruction model and the loss of its steps."""
     torch.manual_seed(0)
-    images, shapes, samples = (
-        _hand_made.images(),
-        _hand_made.shapes(),
-        _hand_made.samples(),
-    )
+    images, shapes, samples = _hand_made.images(), _hand_made.shapes(), _hand_made.samples()
     if kind == "ddf":
         model = reconstruction_models.DDFModel(TRAIN, _hand_made.DDF.field)
         loss = functools.partial(reconstruction_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
@@ -102,15 +90,6 @@ def _together(folder):
         (folder / f"refused.{number}").write_text(str(error))
 
 
-@distributed.shared
-def _exact_alone(folder):
-    training_loop.prepare(LOOP, BATCH)
-    fit_exact(folder)
-
-
 if __name__ == "__main__":
-    if "exact" in sys.argv:
-        _exact_alone(Path(sys.argv[1]))
-    else:
-        _together(Path(sys.argv[1]))
-        Path(sys.argv[1], "after").touch(exist_ok=False)  # by one process
+    _together(Path(sys.argv[1]))
+    Path(sys.argv[1], "after").touch(exist_ok=False)  # by one process

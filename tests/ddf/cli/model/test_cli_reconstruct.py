@@ -66,17 +66,6 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
     assert result["command_seconds"] > sum(result["seconds"].values()) and "picture" in result["seconds"]
 
 
-def test_camera_and_cloud_make_no_mesh(model_dir, image, caplog):
-    caplog.set_level("INFO", logger="ddf")
-    found = ddf.reconstruct(image, model_dir, n=20)
-    assert found.points.shape == (20, 3) and found.camera["radius"] > 0 and "20 points" in repr(found)
-    parts = ["framing", "encoders", "cloud", "camera"]
-    assert list(found.seconds) == parts
-    assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["model", *parts]
-    assert found.normals.shape == (20, 3) and list(found.seconds) == [*parts, "mesh"]
-    assert found.mesh.colours is not None and list(found.seconds) == [*parts, "mesh", "field", "colours"]
-
-
 def test_how_many_points_are_asked_for_changes_no_field():
     image = shipped_models.ROOT / "plane" / "sample_0.png"
     few, usual = (ddf.reconstruct(image, "plane", n=n) for n in (2, 5000))
@@ -85,12 +74,6 @@ def test_how_many_points_are_asked_for_changes_no_field():
     for a, b in zip(few.field.box, usual.field.box, strict=True):
         assert a.tolist() == b.tolist()
     assert 0.95 < np.linalg.norm(np.subtract(*few.field.box)) < 1.2  # of a shape with diagonal 1
-
-
-def test_folder_without_a_ddf_model_is_refused(model_dir, image, tmp_path, refusal):
-    tensors, record = storage.load_tensors(model_dir / model_files.MODEL)
-    storage.save_tensors(model_dir / model_files.MODEL, tensors, {**record, "kind": "pcsiren"})
-    assert "holds no DDF model" in refusal("reconstruct", image, model_dir, tmp_path / "out")
 
 
 def test_several_images_get_a_folder_each(model_dir, image, tmp_path, answer):
