@@ -150,12 +150,9 @@ def check_shape(root: Path, synset: str, shape_id: str, num_views: int) -> None:
 
 
 def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
-    """Make or check all shapes and return the index; failures go to `out_dir`/failures.csv.
+    """Make or check all shapes and return the index; failures go to `out_dir`/failures.csv, more than 2 % are refused.
 
     The index changes when a file of the data set does (`parallel.digest`), so who depends on it need not watch them.
-
-    Raises:
-      InputError: the root is missing, or more than 2 % of the shapes are broken.
     """
     root = out_dir if config.made else real_root(os.environ)
     listed = _to_make(config) if config.made else _real(config, root)

@@ -64,13 +64,8 @@ def _from_meshlab(work: pymeshlab.MeshSet) -> Mesh:
 
 
 def close(mesh: Mesh, alpha: float, offset: float) -> Mesh:
-    """The outside of a triangle soup as one closed manifold. Source: CGAL's alpha wrap (Portaneri et al. 2022).
-
-    Args:
-      mesh: cleaned; coordinates of order 1.
-      alpha, offset: in units of the diagonal of the mesh's box.
-    Raises:
-      InputError: the wrap is not closed, or leaves a part of the mesh outside.
+    """The outside of a cleaned triangle soup as one closed manifold; lengths in diagonals of its box. InputError where
+    the wrap leaves a part outside. Source: CGAL's alpha wrap (Portaneri et al. 2022).
     """
     soup = Mesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3))
     work = _to_meshlab(soup)  # MeshLab drops triangles that run along a shared edge the wrong way: so share none
@@ -90,10 +85,7 @@ def decimate(mesh: Mesh, faces: int) -> Mesh:
     """Reduce a mesh to at most `faces` triangles by quadric edge collapse; a closed manifold stays one.
 
     fast-simplification where its result is still closed, otherwise MeshLab's collapse that preserves topology. A mesh
-    that is open to begin with is left to fast-simplification.
-
-    Raises:
-      InputError: the topology (many handles) needs more triangles than `faces`.
+    that is open to begin with is left to fast-simplification. InputError where the topology needs more triangles.
     """
     if len(mesh.faces) <= faces:
         return mesh
@@ -178,10 +170,8 @@ def thickness(mesh: Mesh) -> float:
 def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepared:
     """Clean, close (unless `wrap` is "never"), decimate and normalise one mesh, and measure the loss.
 
-    A mesh that was neither closed nor decimated has lost nothing: no point of it is asked for.
-
-    Raises:
-      InputError: nothing to close, or the result cannot be both closed and small enough.
+    A mesh that was neither closed nor decimated has lost nothing: no point of it is asked for. InputError where there
+    is nothing to close, or the result cannot be both closed and small enough.
     """
     begin = time.perf_counter()
     unit_from_raw = transforms.field_from_mesh(raw.surface_vertices())
@@ -233,15 +223,14 @@ def _verdict(prepared: Prepared, raw: Mesh, unit: Mesh, widths: list[float], con
 
 
 def require_silhouette(mesh: Mesh, image: str, *camera: float) -> float:
-    """The overlap of the silhouette of a mesh, as of ShapeNet v1, with the image's alpha, cast in some 10 ms.
+    """The overlap of the silhouette of a mesh, as of ShapeNet v1, with the image's alpha, cast in some 10 ms;
+    InputError with likely causes where it is less than `OVERLAP`.
 
     Roots of another kind would train without a word: meshes turned (ShapeNetCore.v2), scaled, or of other ids; angles
     in radians.
 
     Args:
       image: RGBA, a path. camera: as the metadata have it: azimuth and elevation in degrees, benchmark units.
-    Raises:
-      InputError: it is less than `OVERLAP`; likely causes are named.
     """
     with Image.open(image) as opened:
         seen = np.asarray(opened.getchannel("A")) >= _OPAQUE

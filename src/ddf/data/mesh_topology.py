@@ -68,10 +68,7 @@ def clean(mesh: Mesh) -> Mesh:
 
     Where (and only where) that closes the mesh, vertices within 1e-5 of the diagonal are welded as well. Where it
     gives a mesh that is sound, triangles without an area stay, which fill the seams of CAD files, and of triangles back
-    to back both go.
-
-    Raises:
-      InputError: no triangle with an area is left.
+    to back both go. InputError where no triangle with an area is left.
     """
     welded = _weld(mesh, 0.0)
     exact = _without_repeats(welded)

@@ -40,11 +40,7 @@ class Samples(TypedDict):
 
 
 def records(stored: Mapping[str, np.ndarray], kind: str) -> Int[np.ndarray, "*n record"]:
-    """The four codes of each sample of one type side by side, 14 bytes; `parted` reads them.
-
-    Args:
-      stored: as of `decode`.
-    """
+    """The four codes of each sample of one type side by side, 14 bytes; `parted` reads them."""
     depth, normals = (np.ascontiguousarray(stored[f"{kind}.{field}"]).view(np.int16) for field in ("depth", "normals"))
     parts = stored[f"{kind}.positions"], stored[f"{kind}.directions"], depth[..., None], normals
     return np.concatenate(parts, axis=-1)
@@ -157,11 +153,8 @@ def decode_depth(codes: Any) -> Any:
 
 
 def decode(stored: Mapping[str, Any], kind: str) -> Samples:
-    """Samples of one type out of a shard's arrays, whole or already indexed along any leading axes.
-
-    Args:
-      stored: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
-      kind: one of `sample_types.KINDS`.
+    """Samples of one type out of a shard's arrays, `<kind>.positions` and so on (`FIELDS`), whole or already indexed
+    along any leading axes.
     """
     return decode_fields({field: stored[f"{kind}.{field}"] for field in FIELDS})
 

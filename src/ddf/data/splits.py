@@ -27,14 +27,8 @@ def natural_key(name: str) -> tuple:
 
 
 def split_class(synset: str, ids: Iterable[str], *, strict: bool = False) -> list[shapenet.ShapeEntry]:
-    """The split of one class, in its order.
-
-    Args:
-      synset: WordNet offset of the class, eight digits.
-      ids: folder names; any order.
-      strict: put a straddling shape whole into train.
-    Raises:
-      InputError: an id is repeated, or is not a plain folder name.
+    """The split of one class, in its order, from folder names in any order; `strict` puts a straddling shape whole into
+    train. InputError where an id is repeated, or no plain folder name.
     """
     listed = [shapenet.check_name(name, f"class {synset}") for name in ids]
     if len(set(listed)) < len(listed):

@@ -37,9 +37,6 @@ def poisson_disk(
 
     The darts are drawn once; the radius is corrected until the count fits (distances are between points in space, so
     sheets closer than the radius share their points).
-
-    Raises:
-      InputError: no triangle has an area.
     """
     darts, face = Surface.of(mesh).draw(_CANDIDATES * count, rng)
     radius = np.sqrt(_DENSITY * face_normals(mesh)[1].sum() / count)

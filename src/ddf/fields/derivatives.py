@@ -77,11 +77,7 @@ def adjoint(
     slopes: Sequence[Float[Tensor, "*shapes n _"]],
     cotangents: Float[Tensor, "*shapes n out"],
 ) -> Float[Tensor, "*shapes n 3"]:
-    """∇_p (g · y), g = `cotangents` over the first outputs: one-hot rows pick one output per point.
-
-    Args:
-      cotangents: over the head's first rows, as many as its last axis has.
-    """
+    """∇_p (g · y), g = `cotangents` over the first outputs: one-hot rows pick one output per point."""
     gradient = cotangents @ network.head.weight[: cotangents.shape[-1]]
     for layer, slope in zip(reversed(network.layers[1:]), reversed(slopes[1:]), strict=True):
         gradient = (gradient * slope) @ layer.weight
@@ -110,9 +106,6 @@ def adjoint_states(
     """g_l = ∂(g · y)/∂h_l of every layer, first layer first, and the gradient ∇_p (g · y) that they end in.
 
     `adjoint` has a loop of its own, because holding the states slows it down by a quarter and more.
-
-    Args:
-      cotangents: g, over the head's first rows, as in `adjoint`.
     """
     states = [cotangents @ network.head.weight[: cotangents.shape[-1]]]
     for layer, slope in zip(reversed(network.layers[1:]), reversed(slopes[1:]), strict=True):

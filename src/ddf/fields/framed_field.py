@@ -173,9 +173,6 @@ def framing_radius(field: FramedField, azimuth_deg: float, elevation_deg: float,
     """The least radius (benchmark units) from which the picture holds the field's box, with a margin (`FRAMED`).
 
     A corner (x, y, z) in the camera's axes, about the box's centre, is seen at f x / (r - z) from the picture's middle.
-
-    Raises:
-      InputError: an angle that is not finite, or an unknown axis.
     """
     checks.require_finite("camera", np.array([azimuth_deg, elevation_deg]))
     _, unit, turn = _camera_frame(field, up)

@@ -100,15 +100,12 @@ def depth_loss(
 def gated_depth_error(
     first: Float[Tensor, "*n"], second: Float[Tensor, "*n"], logit: Float[Tensor, "*n"]
 ) -> Float[Tensor, "*n"]:
-    """Σ w̃_i e_i + |e_1 - e_2| H(w, better), from the errors e_i of two components (derived here).
+    """Σ w̃_i e_i + |e_1 - e_2| H(w, better), from the errors e_i of two components and w_1's logit (derived here).
 
     By Σ w_i e_i a weight that has become 1 stays 1: its gradient w_1 w_2 (e_1 - e_2) vanishes, and the other component
     learns nothing there. So here components learn by w̃_i = ε + (1 - 2ε) w_i with ε = `LEAST_SHARE`, taken as numbers,
     and the weight by its cross-entropy H against the better component, whose gradient is |e_1 - e_2| at most, and that
     where the weight is wholly wrong.
-
-    Args:
-      logit: of w_1.
     """
     share = LEAST_SHARE + (1 - 2 * LEAST_SHARE) * torch.sigmoid(logit.detach())
     gap = (first - second).detach()

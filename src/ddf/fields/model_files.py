@@ -46,9 +46,7 @@ def built(make: Callable[[], Model], folder: Path, beside: str | None = None, na
 
 def load_model(model: nn.Module, folder: Path, beside: str | None = None, name: str = MODEL) -> dict:
     """Fill `model` from the file that a training wrote, and return its record; the model is left in evaluation mode.
-
-    Args:
-      beside: how the names of tensors begin that are no weights. name: of the file.
+    Tensors whose names begin with `beside` are no weights.
     """
     path = folder / name
     tensors, record = storage.load_tensors(path, framework="torch")

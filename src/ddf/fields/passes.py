@@ -185,12 +185,8 @@ class Block:
         rates: Float[Tensor, "shapes k out"],
         gradient: Float[Tensor, "shapes m 3"],
     ) -> list[Float[Tensor, "shapes 1 _"]]:
-        """Add the block's part to the sums of the parameters; once, for the states of the block are used up.
-
-        Args:
-          outputs, rates, gradient: y*, ẏ* and that of what `adjoint` gave.
-        Returns:
-          m*_l of every layer; nothing without modulations.
+        """Add the block's part to the sums of the parameters, from y*, ẏ* and that of what `adjoint` gave; m*_l of each
+        layer, nothing without modulations. Once, for the states of the block are used up.
         """
         parameters = self.parameters
         slopes = self._reverse_adjoint(gradient)

@@ -262,11 +262,7 @@ def orbit(
 
 
 def fly(waypoints: Sequence[LookAt], frames: int) -> list[LookAt]:
-    """Along the waypoints, positions and targets linear between two, as many frames between every two.
-
-    Raises:
-      InputError: fewer than two waypoints, or a camera on the way that looks at where it stands.
-    """
+    """Along two waypoints or more, positions and targets linear between two, as many frames between every two."""
     if len(waypoints) < 2:
         raise checks.InputError(f"a flight needs two waypoints or more; got {len(waypoints)}")
     stops = np.arange(len(waypoints))

@@ -76,11 +76,7 @@ def in_cube(field: PDDF, v1_from_field: float) -> ShapeField:
 
 
 def save(shape: ShapeField, folder: Path, record: dict[str, Any]) -> Path:
-    """A field as `ddf fit` writes it; its file.
-
-    Args:
-      record: fingerprint, seed and sources.
-    """
+    """A field as `ddf fit` writes it; its file. The record has fingerprint, seed and sources."""
     described = description(shape.field.config, shape.lower, shape.upper, shape.field_from_mesh)
     path = folder / field_file.MODEL
     storage.save_tensors(path, dict(shape.field.state_dict()), {**record, **described})

@@ -70,14 +70,13 @@ def closest_directions(
 class CandidateNetwork(nn.Module):
     """g_v: a position to K_c unit candidates for v*. Source: [DDF22] app. D."""
 
-    def __init__(self, layout: siren.SineLayout = PAPER_LAYOUT, num_candidates: int = NUM_CANDIDATES) -> None:
+    def __init__(self, layout: siren.SineLayout = PAPER_LAYOUT) -> None:
         super().__init__()
-        self.num_candidates = num_candidates
-        self.network = siren.SineNetwork(3, layout, 3 * num_candidates)
+        self.network = siren.SineNetwork(3, layout, 3 * NUM_CANDIDATES)
 
     def forward(self, positions: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n k 3"]:
         """Candidates of length 1."""
-        raw = self.network(positions).unflatten(-1, (self.num_candidates, 3))
+        raw = self.network(positions).unflatten(-1, (NUM_CANDIDATES, 3))
         return nn.functional.normalize(raw, dim=-1)
 
 

@@ -218,10 +218,8 @@ class LineDecoder(nn.Module):
     def answers(
         self, views: Views, row: Int[Tensor, "m"], at: Float[Tensor, "m 3"], directions: Float[Tensor, "m 3"]
     ) -> Float[Tensor, "m 2"]:
-        """Logit of a surface in the part around each place, and where in the part it is, 0 to 1: means of all views.
-
-        Args:
-          row: the shape of each place.
+        """Logit of a surface in the part around each place, and where in the part it is, 0 to 1: means of all views of
+        the shape `row` of each.
         """
         turns = at[..., None] * (math.pi * 2.0 ** torch.arange(OCTAVES, dtype=at.dtype, device=at.device))
         own = (at, directions, turns.sin().flatten(-2), turns.cos().flatten(-2))

@@ -52,10 +52,8 @@ class LoopConfig(schema.Checked):
     )
 
     def rate(self, step: int, steps: int, reductions: int = 0) -> float:
-        """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it.
-
-        Args:
-          reductions: of a schedule by plateau, see `training_loop.plateau_reductions`.
+        """AdamW's learning rate in step `step` (from 0) of `steps`, after as many reductions at plateaus; Muon's keeps
+        its ratio to it.
         """
         rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
         if self.schedule != "cosine":

@@ -66,11 +66,7 @@ class TrainingStatistics:
         storage.save_tensors(path, parted(tensors)[0] | own, record)
 
     def distance(self, features: Float[Tensor, "b f"]) -> Float[Tensor, "b"]:
-        """From the mean of the training images, whitened; in the features' type and on their device.
-
-        Args:
-          features: of all stages, one after the other.
-        """
+        """Of the features of all stages, one after the other, from the training images' mean, whitened."""
         mean, factor = self.mean.to(features), self.factor.to(features)
         return ((features - mean) @ factor).norm(dim=1)
 

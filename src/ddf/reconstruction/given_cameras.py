@@ -47,10 +47,8 @@ class Pinhole:
         self, pixels: UInt8[np.ndarray, "h w 4"], farthest: float
     ) -> tuple[UInt8[np.ndarray, "s s 4"], Float[np.ndarray, "3"]]:
         """The picture as the models' lens has it, and its azimuth, elevation (radians) and radius (benchmark units);
-        training cameras are at most `farthest` away.
-
-        Raises:
-          InputError: the picture is of another shape, or does not show the place of the object.
+        training cameras are at most `farthest` away. InputError where the picture is of another shape, or does not show
+        the place of the object.
         """
         ratio = pixels.shape[0] / pixels.shape[1]
         if self.ratio and abs(self.ratio - ratio) > 0.02 * ratio:

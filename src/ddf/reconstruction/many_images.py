@@ -96,10 +96,8 @@ class _Work:
     def clouds(
         self, modulations: Sequence[Float[Tensor, "n 1 _"]], names: Mapping[int, str], describe: str
     ) -> tuple[dict[str, Tensor], float]:
-        """Clouds L and S of all images, the scale that each L tells, and seconds an image.
-
-        Args:
-          names: of the clouds, by the number of cycles after which they are taken.
+        """Clouds L and S of all images, the scale that each L tells, and seconds an image; names by the number of
+        cycles after which clouds are taken.
         """
 
         def draw(row: int) -> dict[str, Tensor]:

@@ -54,11 +54,7 @@ def correct_camera(
 ) -> Float[Tensor, "b 3"]:
     """Π̂_∇ = argmin L_M by gradient descent from Π̂; the best camera met on the way. Source: [DDF22] §4.3.
 
-    Args:
-      modulations: of the shapes, see `reconstruction_models.DDFModel.modulations`.
-    Returns:
-      Cameras; elevation and radius stay within the training range, the azimuth may turn past its ends
-      (it is an angle).
+    Elevation and radius stay within the training range, the azimuth may turn past its ends (it is an angle).
     """
     head = model.camera_head
     start = ((camera - head.mean) / head.deviation).detach()

@@ -70,8 +70,6 @@ def reconstruct(
 
     Args:
       pixels: of `cutouts.read`. points: that the cloud must have, 2 or more.
-    Raises:
-      InputError: fewer than 2 points.
     """
     if points < 2:
         raise checks.InputError(f"the number of points must be >= 2; got {points}")

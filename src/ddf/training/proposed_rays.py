@@ -97,10 +97,8 @@ class Proposer:
     def read(
         cls, folder: Path, shapes: category_data.ShapeSet, config: reconstruction_settings.ProposalConfig | None
     ) -> tuple["Proposer | None", list[Path]]:
-        """With the training meshes of the shapes, and their files; None and no files without a config.
-
-        Args:
-          folder: of the stage `meshes`, for the category of the shapes.
+        """With the shapes' meshes, of the category's folder of the stage `meshes`, and their files; None and no files
+        without a config.
         """
         if config is None:
             return None, []

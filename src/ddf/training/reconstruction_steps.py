@@ -63,11 +63,7 @@ def ddf_step(
     step: int,
     propose: proposed_rays.Proposer | None = None,
 ) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
-    """𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
-
-    Args:
-      propose: adds the rays that the config's `proposals` ask for.
-    """
+    """𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale."""
     batch = Batch.draw(images, train, step)
     place = batch.images.device
     modulations = model.modulations(model.shape_encoder(batch.images))

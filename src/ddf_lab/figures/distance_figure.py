@@ -144,7 +144,7 @@ def _network(field: ShapeField, config: figure_fields.FiguresConfig, folder: Pat
         found = udf.from_candidates(asked, inside, network(inside))
         distances = found.distances.double().numpy() * back.scale
         ways = back.apply_directions(found.directions.double().numpy())
-        return Found(np.where(np.isfinite(distances), distances, np.nan), ways, network.num_candidates, once)
+        return Found(np.where(np.isfinite(distances), distances, np.nan), ways, udf.NUM_CANDIDATES, once)
 
     return ask
 

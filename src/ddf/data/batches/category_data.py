@@ -179,10 +179,8 @@ class SampleSet:
         random: np.random.Generator,
         part: slice = slice(None),
     ) -> sample_batch.SampleBatch:
-        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth.
-
-        Args:
-          part: keep these of the shapes alone, with the samples that they have among all.
+        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth;
+        of the shapes `part` alone, with the samples that they have among all.
         """
         unknown = _without_truth(len(shapes), counts["E"], random, part, self.records.device)
         wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
@@ -286,12 +284,8 @@ def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list
 def read_training(
     index_path: Path, samples_dir: Path, category: str, size: int
 ) -> tuple[ImageSet, ShapeSet, list[Path]]:
-    """What every training on a category reads: its images, their shapes, and the files that these came from.
-
-    Args:
-      size: side of the images, pixels.
-    Returns:
-      Images, shapes and sources; of the images themselves a record takes `ImageSet.digest`.
+    """What every training on a category reads: its images, their shapes, and the files that these came from; of the
+    images themselves a record takes `ImageSet.digest`.
     """
     dataset = shapenet.Dataset.open(index_path)
     shown = available(samples_dir, dataset.views(category, "train"))

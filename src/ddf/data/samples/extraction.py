@@ -62,16 +62,12 @@ class SamplesConfig(schema.Checked):
 
 
 def extract(mesh: Mesh, config: SamplesConfig, *names: str, describe: str | None = None) -> dict[str, np.ndarray]:
-    """All six types of one shape in stored form.
+    """All six types of one shape in stored form: `<type>.positions`, `.directions`, `.depth`, `.normals` (`packing`).
 
     Args:
-      mesh: in the field frame (inside [-1, 1]^3).
+      mesh: in the field frame; InputError where it leaves [-1, 1]^3, or no triangle has an area.
       names: what tells this shape's random stream from others (category, id).
       describe: title of a progress bar; None for none.
-    Returns:
-      `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`).
-    Raises:
-      InputError: the mesh leaves the cube, or has no triangle with an area.
     """
     scene = raycast.Scene(mesh)
     domain, codes = domain_of(scene, config), _codes_of_sides(scene)
