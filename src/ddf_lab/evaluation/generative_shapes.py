@@ -36,14 +36,6 @@ def encode(
     return mean, log_variance
 
 
-class Latents(nn.Module):
-    """One latent a shape; they start at 0, the middle of the prior."""
-
-    def __init__(self, shapes: int, features: int) -> None:
-        super().__init__()
-        self.values = nn.Parameter(torch.zeros(shapes, features))
-
-
 def auto_decode(
     model: generative_models.ShapeVAE,
     shapes: shape_data.Shapes,
@@ -53,12 +45,13 @@ def auto_decode(
     """Latents that Adam finds for the frozen decoder, by the VAE's shape loss on samples of each shape."""
     vae, place = model.config, model.field_scale.device
     model.decoder.requires_grad_(False)
-    found = Latents(len(shapes.ids), vae.latent_features).to(place)
+    middle = torch.zeros(len(shapes.ids), vae.latent_features)  # of the prior
+    found = nn.ParameterDict({"z": middle}).to(place)
     everyone = np.arange(len(shapes.ids))
 
     def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         points = shapes.samples.draw(everyone, vae.counts, np.random.default_rng((section.seed, step))).to(place)
-        modulations = model.decoder.modulator(found.values)
+        modulations = model.decoder.modulator(found["z"])
         loss, _ = losses.shape_loss(model.decoder.field, points, modulations, vae.weights)
         return loss, {}
 
@@ -66,9 +59,9 @@ def auto_decode(
     weights = b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())
     facts = [section.auto_steps, loop, vae, list(shapes.ids), hashlib.sha256(weights).hexdigest()]
     record = provenance.record(facts, section.seed, (), __name__)
-    groups = [{"params": [found.values], "weight_decay": 0.0}]
+    groups = [{"params": [found["z"]], "weight_decay": 0.0}]
     training_loop.fit(found, groups, step_loss, section.auto_steps, loop, folder, record, "latents")
-    return found.values.detach()
+    return found["z"].detach()
 
 
 def divergence(model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int) -> dict[str, float]:

@@ -52,8 +52,13 @@ def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
       scores: category to table, with column `nearest` and one of each method, from 0 to 100.
       across, up: labels of the axes.
     """
-    chart, panels = _panels(len(scores), 2.6)
-    for panel, (category, table) in zip(panels, scores.items(), strict=True):
+    columns = min(len(scores), _PANELS_IN_LINE)
+    lines = -(-len(scores) // columns)
+    chart = figure.Figure(figsize=(_WIDTH, 2.6 * lines), layout="constrained")
+    panels = list(chart.subplots(lines, columns, sharey=True, squeeze=False).flat)
+    for empty in panels[len(scores) :]:
+        empty.remove()
+    for panel, (category, table) in zip(panels, scores.items(), strict=False):
         panel.plot([0, 100], [0, 100], lw=0.9, color=_EQUAL)
         for method in table.columns.drop("nearest"):
             panel.plot(table["nearest"], table[method], "o", ms=4, alpha=0.8, color=METHOD_COLOURS[method], mew=0)
@@ -105,17 +110,6 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
         panel.set_yscale("log")
         panel.yaxis.set_minor_formatter(ticker.NullFormatter())
     panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
-
-
-def _panels(count: int, height: float) -> tuple[figure.Figure, list[Any]]:
-    """Panels of one quantity on shared axes, `_PANELS_IN_LINE` in a line; a single one has the width of both."""
-    columns = min(count, _PANELS_IN_LINE)
-    lines = -(-count // columns)
-    chart = figure.Figure(figsize=(_WIDTH, height * lines), layout="constrained")
-    places = list(chart.subplots(lines, columns, sharey=True, squeeze=False).flat)
-    for empty in places[count:]:
-        empty.remove()
-    return chart, places[:count]
 
 
 def _svg(chart: figure.Figure) -> str:
