@@ -19,5 +19,5 @@ def make(run: Run) -> None:
         rows += onnx_file.export(graph, name, out_dir / f"{name}.onnx", source, section)
     table = pd.DataFrame(rows)
     table.insert(0, "category", run.category)
-    record = provenance.record([section], section.seed, [folder / model_files.MODEL], onnx_file)
+    record = provenance.record([section], 0, [folder / model_files.MODEL], onnx_file)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)

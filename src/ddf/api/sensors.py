@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ddf.api import meshes, queries
 from ddf.core import checks
-from ddf.geometry import scans, sensors, transforms
+from ddf.geometry import scans, sensors
 
 
 def depth_camera(
@@ -52,8 +52,8 @@ def depth_camera(
     directions = scans.pixel_directions(
         height, width, sensors.default_intrinsics(height, width) if intrinsics is None else intrinsics
     )
-    sent = sensors.rays(directions, _poses(scene, poses, sensors.CAMERA))
-    return _measure(scene, *sent, sensors.Faults(noise, outliers, reach, seed))
+    faults = {"noise": noise, "outliers": outliers, "reach": reach, "seed": seed}
+    return _measured(scene, directions, poses, sensors.CAMERA, faults)
 
 
 def lidar(
@@ -86,22 +86,29 @@ def lidar(
     checks.require_whole("beams", beams, 1)
     checks.require_whole("columns", columns, 1)
     directions = sensors.fan(beams, columns, tuple(elevation_deg), tuple(azimuth_deg))
-    sent = sensors.rays(directions, _poses(scene, poses, sensors.LIDAR))
-    return _measure(scene, *sent, sensors.Faults(noise, outliers, reach, seed))
+    faults = {"noise": noise, "outliers": outliers, "reach": reach, "seed": seed}
+    return _measured(scene, directions, poses, sensors.LIDAR, faults)
 
 
-def _poses(scene: Any, poses: npt.ArrayLike | None, axes: Float[np.ndarray, "3 3"]) -> list[transforms.Similarity]:
+def _measured(
+    scene: Any,
+    directions: Float[np.ndarray, "m 3"],
+    poses: npt.ArrayLike | None,
+    axes: Float[np.ndarray, "3 3"],
+    faults: dict[str, Any],
+) -> sensors.Sweep:
+    """Along all directions from all poses."""
     if poses is None:
         lower, upper = scene.box if isinstance(scene, queries.Queried) else meshes.as_mesh(scene).box()
-        return [sensors.facing(lower, upper, axes)]
-    return queries.require_poses("a pose", poses)
-
-
-def _measure(scene: Any, positions: np.ndarray, directions: np.ndarray, faults: sensors.Faults) -> sensors.Sweep:
+        places = [sensors.facing(lower, upper, axes)]
+    else:
+        places = queries.require_poses("a pose", poses)
+    starts = np.repeat([place.translation for place in places], len(directions), axis=0)
+    ways = np.concatenate([place.apply_directions(directions) for place in places])
     if isinstance(scene, queries.Queried):
-        found = scene.query(positions, directions, ("depth", "normals"))
+        found = scene.query(starts, ways, ("depth", "normals"))
         depth, normals = found["depth"], found["normals"]
     else:
-        hits = meshes.cast(scene, positions, directions)
+        hits = meshes.cast(scene, starts, ways)
         depth, normals = hits.depth, hits.normals
-    return sensors.measured(positions, directions, depth, normals, faults)
+    return sensors.measured(starts, ways, depth, normals, **faults)

@@ -1,7 +1,6 @@
 """Depth cameras and lidars: which rays they send, and what is wrong with what they measure."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,44 +33,31 @@ class Sweep(scans.Scan):
         scans.write(self, Path(path))
 
 
-@dataclass(frozen=True)
-class Faults:
-    """noise: deviation of a range. outliers: share of hits with any range up to twice the true one. reach: longest."""
-
-    noise: float = 0.0
-    outliers: float = 0.0
-    reach: float = math.inf
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.noise < math.inf and 0 <= self.outliers <= 1 and self.reach > 0):
-            raise checks.InputError(
-                "noise must be 0 or more, outliers a share, reach above 0; "
-                f"got {self.noise}, {self.outliers}, {self.reach}"
-            )
-
-
-def rays(
-    directions: Float[np.ndarray, "m 3"], poses: Sequence[transforms.Similarity]
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """All rays of a sensor's directions, in its frame, from all its poses in the scene, in the scene's frame."""
-    starts = np.repeat([pose.translation for pose in poses], len(directions), axis=0)
-    return starts, np.concatenate([pose.apply_directions(directions) for pose in poses])
-
-
 def measured(
     positions: Float[np.ndarray, "n 3"],
     directions: Float[np.ndarray, "n 3"],
     depth: Float[np.ndarray, "n"],
     normals: Float[np.ndarray, "n 3"],
-    faults: Faults,
+    *,
+    noise: float = 0.0,
+    outliers: float = 0.0,
+    reach: float = math.inf,
+    seed: int = 0,
 ) -> Sweep:
-    """What a sensor makes of the true depths; a range that noise would make nothing or less is a miss."""
-    rng = np.random.default_rng(faults.seed)
-    ranges = depth + faults.noise * rng.normal(size=len(depth))
-    stray = rng.random(len(depth)) < faults.outliers
+    """What a sensor makes of the true depths; a range that noise would make nothing or less is a miss.
+
+    Args:
+      noise: deviation of a range. outliers: share of hits with any range up to twice the true one. reach: longest.
+    """
+    if not (0 <= noise < math.inf and 0 <= outliers <= 1 and reach > 0):
+        raise checks.InputError(
+            f"noise must be 0 or more, outliers a share, reach above 0; got {noise}, {outliers}, {reach}"
+        )
+    rng = np.random.default_rng(seed)
+    ranges = depth + noise * rng.normal(size=len(depth))
+    stray = rng.random(len(depth)) < outliers
     ranges = np.where(stray, 2 * depth * rng.random(len(depth)), ranges)
-    ranges = np.where((ranges > 0) & (ranges <= faults.reach), ranges, np.inf)
+    ranges = np.where((ranges > 0) & (ranges <= reach), ranges, np.inf)
     cosine = np.clip(-(normals * directions).sum(axis=-1), -1.0, 1.0)
     incidence = np.where(np.isfinite(ranges), np.degrees(np.arccos(cosine)), np.nan)
     return Sweep(positions, directions, ranges, incidence)

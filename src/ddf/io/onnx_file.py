@@ -81,7 +81,6 @@ class ExportConfig:
 
     outputs: tuple[str, ...] = ("visibility", "depth", "normals", "weight_1", "mean_curvature", "gaussian_curvature")
     batches: tuple[int, ...] = (1, 7, 4096)
-    seed: int = 0
 
 
 def export(
@@ -95,7 +94,7 @@ def export(
       ParityError: as `onnx_parity.compare`; there is no file then, and an earlier one is left as it was.
     """
     data = to_onnx(graph, source)
-    rows = onnx_parity.compare(data, name, graph, config.batches, config.seed)
+    rows = onnx_parity.compare(data, name, graph, config.batches)
     storage.write_bytes(out, data)
     return rows
 

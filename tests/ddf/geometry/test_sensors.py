@@ -33,7 +33,7 @@ def _measured(**faults):
     directions = rng.normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     depth = np.where(np.arange(20_000) % 4 == 0, np.inf, 2.0)
-    return depth, sensors.measured(np.zeros_like(directions), directions, depth, -directions, sensors.Faults(**faults))
+    return depth, sensors.measured(np.zeros_like(directions), directions, depth, -directions, **faults)
 
 
 def test_faults_have_the_size_that_is_asked_for():
@@ -54,7 +54,7 @@ def test_faults_have_the_size_that_is_asked_for():
 @pytest.mark.parametrize("faults", [{"noise": -1.0}, {"outliers": 1.5}, {"reach": 0.0}, {"noise": np.nan}])
 def test_faults_out_of_range_are_refused(faults):
     with pytest.raises(checks.InputError, match="noise must be 0 or more"):
-        sensors.Faults(**faults)
+        _measured(**faults)
 
 
 def test_a_sweep_saves_what_a_scan_reads(tmp_path):
