@@ -1,5 +1,6 @@
 """Pictures of the report: geometry, colours and conventions in closed form."""
 
+import matplotlib  # noqa: TID251
 import numpy as np
 import torch
 
@@ -71,3 +72,12 @@ def test_visibility_and_alpha_meet_white():
     assert field_pictures.visibility_picture(np.ones((1, 1))).max() < 80
     rgba = np.array([[[0.2, 0.4, 0.6, 1.0], [0.0, 0.0, 0.0, 0.0]]]).repeat(2, axis=0)
     assert (picture_strips.on_white(rgba)[0] == [[51, 102, 153], [255, 255, 255]]).all()
+
+
+def test_colours_are_those_of_matplotlib_in_bytes():
+    levels = np.concatenate([np.linspace(0.0, 1.0, 1001), np.arange(257) / 256])
+    expected = matplotlib.colormaps["viridis"](levels)[..., :3]
+    assert np.array_equal(np.rint(field_pictures.colours(levels) * 255), np.rint(expected * 255))
+    np.testing.assert_allclose(
+        field_pictures.colours(np.array([0.0, 1.0])), [[0.267, 0.005, 0.329], [0.993, 0.906, 0.144]], atol=2e-3
+    )

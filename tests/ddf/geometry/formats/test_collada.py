@@ -81,21 +81,26 @@ def test_instances_children_and_library_nodes_are_placed_each():
     np.testing.assert_allclose(mesh.vertices[8:16].min(axis=0), [10, 5, 0])
 
 
-def test_skins_are_read_as_modelled_with_a_remark():
-    extra = (
-        '<library_controllers><controller id="c"><skin source="#g"><bind_shape_matrix>3 0 0 0 0 3 0 0 0 0 3 0 0 0 0 1'
-        "</bind_shape_matrix></skin></controller></library_controllers>"
-    )
-    mesh = mesh_io.parse(_dae(nodes='<node><instance_controller url="#c"/></node>', extra=extra), ".dae")
-    assert mesh.box()[1].tolist() == [3, 3, 3]
-    assert mesh.remarks == ("skins are not applied: the mesh is read as modelled",)
+SKIN = (
+    '<library_controllers><controller id="c"><skin source="#g"><bind_shape_matrix>3 0 0 0 0 3 0 0 0 0 3 0 0 0 0 1'
+    "</bind_shape_matrix></skin></controller></library_controllers>"
+)
+TALL = '<node><scale>1 1 4</scale><instance_geometry url="#g"/></node>'
+REMARKS = {  # upper corner, and what is said
+    "skins are not applied: the mesh is read as modelled": (
+        _dae(nodes='<node><instance_controller url="#c"/></node>', extra=SKIN),
+        [3, 3, 3],
+    ),
+    "its up axis is Z_UP; coordinates are as written, not turned": (_dae(nodes=TALL, up="Z_UP"), [1, 1, 4]),
+    "primitives of lines are left out": (_dae(f'<lines count="1">{VERTEX}<p>0 1</p></lines>{POLYLIST}'), [1, 1, 1]),
+}
 
 
-def test_an_up_axis_other_than_y_is_said_and_not_applied():
-    tall = '<node><scale>1 1 4</scale><instance_geometry url="#g"/></node>'
-    mesh = mesh_io.parse(_dae(nodes=tall, up="Z_UP"), ".dae")
-    assert mesh.box()[1].tolist() == [1, 1, 4]
-    assert mesh.remarks == ("its up axis is Z_UP; coordinates are as written, not turned",)
+@pytest.mark.parametrize("told", REMARKS)
+def test_what_is_not_read_is_told(told):
+    data, upper = REMARKS[told]
+    mesh = mesh_io.parse(data, ".dae")
+    assert mesh.box()[1].tolist() == upper and mesh.remarks == (told,)
 
 
 def test_concave_polygons_are_cut_and_not_fanned():
@@ -153,8 +158,3 @@ def test_ids_are_those_of_their_own_geometry_first_and_two_that_could_be_meant_a
     assert area_and_volume(mesh_io.parse(both.encode(), ".dae")) == pytest.approx((30.0, 9.0))
     with pytest.raises(checks.InputError, match="two geometry elements have the id 'g'"):
         mesh_io.parse(one.replace(geometry, geometry + geometry).encode(), ".dae")
-
-
-def test_lines_are_left_out_with_a_remark():
-    lines = f'<lines count="1">{VERTEX}<p>0 1</p></lines>'
-    assert mesh_io.parse(_dae(lines + POLYLIST), ".dae").remarks == ("primitives of lines are left out",)
