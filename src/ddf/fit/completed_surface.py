@@ -83,12 +83,7 @@ def intervals(
     """Where along rays of the field frame the surface is, with the probability `share` if there is one.
 
     From the shapes that the scan leaves open: of each the components by their weights and by its visibility, blurred by
-    the scatter of the scan's own hits.
-
-    Args:
-      positions: in the cube.
-    Returns:
-      Lower and upper depth, field units.
+    the scatter of the scan's own hits. Positions are in the cube, lower and upper depths in field units.
     """
     low, high, shapes = [], [], len(found.samples[0])
     edges = torch.tensor([[1 - share], [1 + share]]).to(positions) / 2

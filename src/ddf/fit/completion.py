@@ -216,12 +216,8 @@ def find(
 
 
 def guess(scan: scans.Scan, up: Float[np.ndarray, "3"] | None = None) -> transforms.Similarity:
-    """A pose of an object that stands upright and of which alone all hits are: the box of most of them.
-
-    Args:
-      up: unit vector of the scan's frame; None is that of the mean camera that took it.
-    Raises:
-      InputError: too few hits.
+    """A pose of an object that stands upright and of which alone all hits are: the box of most of them. InputError
+    where there are too few. up: unit vector of the scan's frame; None is that of the mean camera that took it.
     """
     if scan.hit.sum() < FEWEST_HITS:
         raise checks.InputError(_why_none(scan, scan.ranges, transforms.Similarity()))
@@ -358,9 +354,7 @@ def ray_log_likelihood(
     outliers: float,
 ) -> Float[Tensor, "*#n"]:
     """Natural logarithm of what the module says; a hit outside the cube is an outlier, a ray past it says nothing.
-
-    Args:
-      raw, depths: of the field at the entry. ranges: from there, of rays that `hit` something. through: c.
+    raw, depths: of the field at the entry. ranges: from there, of rays that `hit` something. through: c.
     """
     outlying, kept = math.log(outliers / 2), math.log1p(-outliers)
     visibility = raw[..., pddf.VISIBILITY_ROW]

@@ -29,10 +29,8 @@ Answers = Callable[[Float[Tensor, "n 3"], Float[Tensor, "n 3"]], tuple[Float[Ten
 
 
 def measure(shape: ShapeField, count: int, seed: int = 0) -> dict[str, dict[str, float]]:
-    """Median, 95 % and worst of every residual of `NAMES`, and of how many rays, over random rays of the box.
-
-    Args:
-      count: rays p ~ U[B], v ~ U[S²]; as many second starts p_2 ~ U[B].
+    """Median, 95 % and worst of every residual of `NAMES`, and of how many rays, over random rays of the box:
+    p ~ U[B], v ~ U[S²], and second starts p_2 ~ U[B].
     """
     weight = shape.field.network.head.weight
 
@@ -53,11 +51,7 @@ def measure(shape: ShapeField, count: int, seed: int = 0) -> dict[str, dict[str,
 def residuals(
     answers: Answers, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], others: Float[Tensor, "n 3"]
 ) -> dict[str, Float[Tensor, "_"]]:
-    """Every residual of `NAMES`, of the rays that it applies to.
-
-    Args:
-      others: p_2, one for each ray.
-    """
+    """Every residual of `NAMES`, of the rays that it applies to; `others` are p_2, one for each ray."""
     p, v = positions.clone().requires_grad_(), directions.clone().requires_grad_()
     depth, seen_share = answers(p, v)
     depth_grad_p, depth_grad_v = torch.autograd.grad(depth.sum(), (p, v), retain_graph=True)

@@ -83,11 +83,7 @@ MEASURES = {
 
 
 def measure(field: framed_field.FramedField, truth: MeshField) -> dict[str, float]:
-    """The value of each of `MEASURES`; NaN of what the pictures do not show.
-
-    Args:
-      truth: `beside` of what the field was fitted to.
-    """
+    """The value of each of `MEASURES`; NaN of what the pictures do not show. The truth is `beside` the field's mesh."""
     size = _size(field)
     seen = [_seen(field, truth, camera, size) for camera in _cameras(field)]
     depth, angle, overlap, thin = map(np.concatenate, zip(*seen, strict=True))
@@ -150,10 +146,8 @@ def thin(
     normals: Float[np.ndarray, "n 3"],
     size: float,
 ) -> Bool[np.ndarray, "n"]:
-    """Which points of a surface have its other side nearer than `THIN`.
-
-    Args:
-      depth: of the surface, from positions along directions; inf where nothing is met. size: the longest side.
+    """Which points of a surface have its other side nearer than `THIN` of the longest side, `size`; depth of it is
+    from positions along directions, inf where nothing is met.
     """
     return depth(points - _LIFT * size * normals, -normals) <= THIN * size
 

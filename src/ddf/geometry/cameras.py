@@ -79,10 +79,8 @@ def project(
 
 
 def pixel_directions(size: int, like: Array) -> Float[Array, "size size 3"]:
-    """Unit directions through the pixel centres of a size x size image, camera frame, rows from the top.
-
-    Args:
-      like: an array of the library and type that the directions are to have, such as the camera.
+    """Unit directions through the pixel centres of a size x size image, camera frame, rows from the top, in the
+    library and type of `like`, such as the camera.
     """
     xp = arrays.namespace(like)
     centres = (xp.arange(size, dtype=like.dtype, device=like.device) + 0.5) * (IMAGE_SIZE / size)
@@ -103,11 +101,8 @@ def pixel_rays(
     radius: Float[Array, "*batch"],
     directions: Float[Array, "*#batch n 3"],
 ) -> tuple[Float[Array, "*batch 3"], Float[Array, "*batch n 3"]]:
-    """Camera centres and world directions (benchmark frame) of chosen pixels; differentiable.
-
-    Args:
-      directions: camera-frame unit directions, as of `pixel_directions`: any subset, the same for all cameras (n, 3) or
-        each camera's own (*batch, n, 3).
+    """Camera centres and world directions (benchmark frame) of chosen pixels; differentiable. Directions are of the
+    camera's frame, as of `pixel_directions`: any subset, the same for all cameras or (*batch, n, 3).
     """
     world_to_camera, centre = extrinsics(azimuth_rad, elevation_rad, radius)
     return centre, arrays.like(directions, world_to_camera) @ world_to_camera

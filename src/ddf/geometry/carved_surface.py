@@ -92,13 +92,7 @@ class Votes:
 
 
 def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int) -> mesh_io.Mesh:
-    """The closed surface in a box, in its frame.
-
-    Args:
-      resolution: cells of the longest side.
-    Raises:
-      InputError: nothing is left.
-    """
+    """The closed surface in a box, in its frame, its longest side so many cells; InputError where nothing is left."""
     origin = mesh_io.told_origin(np.stack((lower, upper)))
     grid = Grid.around(lower - origin, upper - origin, resolution)
     votes = Votes(grid, np.arange(np.prod(grid.shape)))
@@ -109,11 +103,7 @@ def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, 
 
 def surface(grid: Grid, values: Float[np.ndarray, "x y z"], back: float = 0.0) -> mesh_io.Mesh:
     """The closed surface where the values are 0, by surface nets, smoothed; below 0 is inside, the rim is outside.
-
-    Args:
-      back: how far the vertices go back, in cells.
-    Raises:
-      InputError: no node is inside.
+    The vertices go `back` by so many cells; InputError where no node is inside.
     """
     values = np.pad(values[1:-1, 1:-1, 1:-1], 1, constant_values=REACH)
     if not (values < 0).any():
@@ -129,10 +119,8 @@ def surface(grid: Grid, values: Float[np.ndarray, "x y z"], back: float = 0.0) -
 def crossings(
     values: Float[np.ndarray, "x y z"], told: Bool[np.ndarray, "x y z"] | None = None
 ) -> tuple[Float[np.ndarray, "c 3"], Int[np.ndarray, "c 4 3"]]:
-    """Where edges of the grid cross 0, and the four cells around each: what `unsigned_surface.net` takes.
-
-    Args:
-      told: nodes whose values count, but for those at the rim; all, if nothing is said.
+    """Where edges of the grid cross 0, and the four cells around each: what `unsigned_surface.net` takes. Nodes that
+    are `told` count, all where nothing is said, but for those at the rim.
     """
     told = np.ones_like(values, bool) if told is None else np.pad(told[1:-1, 1:-1, 1:-1], 1)
     places, cells = [], []

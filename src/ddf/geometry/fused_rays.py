@@ -64,12 +64,8 @@ class Fused:
 
 
 def fuse(scan: scans.Scan, sensed: bool = True) -> Fused:
-    """The surface of a scan.
-
-    Args:
-      sensed: whether rays tell what is free; else they tell the surface alone, of which nothing is closed.
-    Raises:
-      InputError: too few rays ended on something, or what they ended on has no surface.
+    """The surface of a scan; InputError where too few rays end on something, or on no surface. Unless they are
+    `sensed`, rays do not tell what is free, and nothing of the surface is closed.
     """
     scan = without_strays(scan)
     points, ways = scan.points, scan.directions[scan.hit]

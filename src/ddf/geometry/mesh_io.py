@@ -68,11 +68,7 @@ class Mesh:
         object.__setattr__(self, "faces", faces)
 
     def save(self, path: Path | str) -> None:
-        """Write a .ply, .glb, .obj, .stl or .off file.
-
-        Raises:
-          InputError: another suffix.
-        """
+        """Write a .ply, .glb, .obj, .stl or .off file; InputError of another suffix."""
         with storage.naming(path):
             data = export_bytes(self, Path(path).suffix)
         storage.write_bytes(path, data)
@@ -175,12 +171,8 @@ def require_suffix(suffix: str, known: Sequence[str] = SUFFIXES) -> None:
 
 
 def parse(data: bytes, suffix: str, folder: Path | None = None) -> Mesh:
-    """Read one mesh from the bytes of a file with this suffix.
-
-    Args:
-      folder: of the file, where a .gltf finds its buffers.
-    Raises:
-      InputError: as `load`, without the file's name.
+    """Read one mesh from the bytes of a file with this suffix; as `load`, whose errors here have no file's name. In
+    the folder a .gltf finds its buffers.
     """
     require_suffix(suffix, READ)
     if not _NOT_BLANK.search(data):
@@ -295,10 +287,7 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
 
 def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:
     """Vertices of a PLY cloud or mesh, float64, in the file's order; faces, colours and normals are not read.
-
-    Raises:
-      FileNotFoundError: no such file.
-      InputError: not a PLY whose vertices can be read whole, no vertices, or one that is not finite; the file is named.
+    FileNotFoundError, or an InputError that names the file: no PLY that can be read whole, no vertices, one not finite.
     """
     return read_oriented(path)[0]
 

@@ -42,13 +42,7 @@ class Tree:
 
 
 class Neighbours(Tree):
-    """A tree over a cloud that is checked.
-
-    Args:
-      points: the cloud that is searched, any frame; copied to float64.
-    Raises:
-      InputError: no points, not three columns, or a value that is not finite.
-    """
+    """A tree over a cloud, in float64; InputError of no points, not three columns, or a value that is not finite."""
 
     def __init__(self, points: Float[np.ndarray, "n 3"], name: str = "points") -> None:
         super().__init__(validated(points, name))

@@ -150,10 +150,8 @@ def npz_vectors(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
 
 
 def npz_numbers(path: Path, names: Collection[str], alone: bool = False) -> dict[str, np.ndarray]:
-    """Those of the named arrays that an NPZ file has, as float64; as `npz_vectors`, of any shape.
-
-    Args:
-      alone: whether any other array is refused by its name.
+    """Those of the named arrays that an NPZ file has, as float64; as `npz_vectors`, of any shape. If `alone`,
+    any other array is refused by its name.
     """
     checks.require_content(path)
     try:

@@ -207,10 +207,7 @@ def _returned(
     ranges: Num[np.ndarray, "*n"], name: str, absent: float = _ABSENT
 ) -> tuple[Bool[np.ndarray, "*n"], tuple[str, ...]]:
     """Which are ranges, `inf` among them, and in words which are none: not a number, 0, the largest of 16 bits, 1e10
-    or more, or a single number below 0.
-
-    Raises:
-      InputError: several numbers below 0.
+    or more, or a single number below 0; InputError of several such.
     """
     below = (ranges < 0) & (ranges > -np.inf)
     least = float(ranges.min(where=below, initial=0.0))

@@ -87,10 +87,8 @@ def default_intrinsics(height: int, width: int) -> Float[np.ndarray, "3 3"]:
 def facing(
     lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
 ) -> transforms.Similarity:
-    """A sensor's pose from which a box is seen whole: from the front, the right and above, of a scene with Y up.
-
-    Args:
-      axes: of the sensor as columns of (right, up, back), `CAMERA` or `LIDAR`.
+    """A sensor's pose from which a box is seen whole: from the front, the right and above, of a scene with Y up;
+    axes of the sensor as columns of (right, up, back), `CAMERA` or `LIDAR`.
     """
     frame = cameras.rotation(*np.radians([_AZIMUTH_DEG, _ELEVATION_DEG])).T
     away = _AWAY * float(np.linalg.norm(upper - lower)) / 2 / math.sin(math.radians(_HALF_VIEW_DEG))

@@ -37,9 +37,7 @@ class Tree:
         self, positions: Float[np.ndarray, "k 3"], directions: Float[np.ndarray, "k 3"], enough: float = 0.0
     ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
         """Depth t >= 0, in lengths of the direction, and triangle of what rays meet first: `inf` and -1 on a miss.
-
-        Args:
-          enough: a depth from which down any hit will do.
+        From the depth `enough` down any hit will do.
         """
         return _first(_rows(positions), _rows(directions), self.boxes, self.starts, self.order, self.corners, enough)
 

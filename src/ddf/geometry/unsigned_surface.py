@@ -29,12 +29,8 @@ _LEAST_DENSITY = 0.02  # quantile of the vertices' density below which they are 
 
 
 def extract(ask: Distances, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int = 96) -> Mesh:
-    """The surface within a box.
-
-    Args:
-      resolution: cells along the longest side of the box; a cell is as long on every side.
-    Raises:
-      InputError: a resolution below 2, or no surface in the box.
+    """The surface within a box, of which the longest side has so many cells; InputError of less than 2, or where there
+    is none.
     """
     if resolution < 2:
         raise checks.InputError(f"resolution must be >= 2; got {resolution}")

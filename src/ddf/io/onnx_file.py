@@ -202,9 +202,7 @@ def figures(rows: Sequence[onnx_parity.Row]) -> dict[str, dict[str, float]]:
 
 def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph], dict[str, Any]]:
     """The graphs of a model by name, the plainest first, and the facts about their source for the files.
-
-    Args:
-      folder: what a training stage wrote. outputs: of fields, None for all.
+    Outputs are of fields, None for all.
     """
     path = folder / model_files.MODEL
     record = storage.load_metadata(path)

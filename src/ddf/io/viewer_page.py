@@ -152,10 +152,8 @@ def scene_page(
     up: str = "y",
     cut: bool = False,
 ) -> Page:
-    """The page of several fields.
-
-    Args:
-      lower, upper: box that cameras are about, frame of the scene. cut: what lies before it is cut away.
+    """The page of several fields, and the box that cameras are about, frame of the scene; what lies before it is cut
+    away if `cut`.
     """
     box = (lower, upper) if cut else None
     return Page(name, ABOUT_SCENE, transforms.box_corners(lower, upper), list(fields), up, box)
@@ -165,10 +163,7 @@ def side_by_side(title: str, shapes: "Sequence[tuple[str, Shape]]", up: str = "y
     """The page of fields in a row from left to right, seen from +x: along -z, or along y where z points up.
 
     Longest sides of their boxes are made equal to that of the first; the boxes stand on one floor, in the unit of the
-    first. A field that stands there several times is in the page once.
-
-    Args:
-      shapes: with the names that the page shows. up: axis that points up.
+    first. A field that stands there several times, under any name, is in the page once.
     """
     if not shapes:
         raise checks.InputError("a row needs at least one field; got none")
@@ -239,10 +234,8 @@ _DARK, _CLAY = np.array([24.0, 26.0, 32.0]), np.array([214.0, 201.0, 182.0])
 
 
 def first(field: framed_field.FramedField, azimuth: float, up: str = "y") -> bytes:
-    """Clay under a light at the camera, clear where nothing is seen, as WebP.
-
-    Args:
-      field: with normals. azimuth: of the camera, degrees; its radius is that from which the picture holds the box.
+    """Clay under a light at the camera, clear where nothing is seen, as WebP. The camera's azimuth is in degrees, its
+    radius that from which the picture holds the box; the field has normals.
     """
     camera = (azimuth, ELEVATION, framed_field.framing_radius(field, azimuth, ELEVATION, up))
     found, _ = framed_field.render(field, camera, _SIZE, ("depth", "normals"), up)

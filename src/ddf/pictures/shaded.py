@@ -93,11 +93,7 @@ def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
 def render(
     standing: Standing, camera: Camera, size: int, shown: Window = WHOLE, colours: Colours | None = None
 ) -> Shaded:
-    """What one camera sees.
-
-    Args:
-      colours: of the surface; clay without.
-    """
+    """What one camera sees, of a surface in these colours, clay without."""
     framed_field.require_camera(camera, size, standing.up)
     row, column = (each.ravel() for each in np.indices((size, size)))
     first = _Light(standing, camera, shown, size, colours)

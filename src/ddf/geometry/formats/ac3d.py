@@ -51,10 +51,8 @@ def parse(data: bytes) -> raw.Raw:
 
 
 def surfaces(data: bytes, without: re.Pattern[str] | None = None) -> Surfaces:
-    """The polygons of an AC3D file with their materials, textures and texture coordinates.
-
-    Args:
-      without: pattern of the names of objects whose own polygons are left out.
+    """The polygons of an AC3D file with their materials, textures and texture coordinates; those of objects
+    whose names match `without` are left out.
     """
     data = text.decoded(data)
     if not data.startswith(b"AC3D"):

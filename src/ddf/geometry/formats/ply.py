@@ -224,11 +224,7 @@ def _shown(line: list[str]) -> str:
 def from_text(
     blocks: text.Blocks, elements: Sequence[Element], wanted: Mapping[str, Sequence[str]], spare: bool = False
 ) -> _Found:
-    """Rows of a text body: one a line, as many words as declared. Blank lines are passed over.
-
-    Args:
-      spare: rows may have more words than declared.
-    """
+    """Rows of a text body: one a line, as many words as declared, or with `spare` more. Blank lines are passed over."""
     found: _Found = {}
     for element in elements:
         pieces: list[_Columns] = []

@@ -112,10 +112,8 @@ class Blocks:
         return enumerate(io.BytesIO(block.data), block.number)
 
     def table(self, data: bytes, whole: bool = False) -> Table | None:
-        """The numbers of some lines, all of them at once; None where a word is no plain number.
-
-        Args:
-          whole: read whole numbers as int64; else float64, rounded as Python rounds.
+        """The numbers of some lines, all of them at once; None where a word is no plain number. They are float64,
+        rounded as Python rounds, or int64 if `whole`.
         """
         if data.translate(None, _WHOLE if whole else _DECIMAL):
             return None
