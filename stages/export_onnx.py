@@ -13,11 +13,14 @@ from ddf_lab.run import Run
 def make(run: Run) -> None:
     section = onnx_file.ExportConfig()
     out_dir = run.folder("export_onnx")
-    folder, rows = run.folder("train_ddf"), []
-    graphs, source = onnx_file.load_graphs(folder, section.outputs)
-    for name, graph in graphs.items():
-        rows += onnx_file.export(graph, name, out_dir / f"{name}.onnx", source, section)
+    sources, rows = [], []
+    for model in ("ddf", "ddf_image"):
+        folder = run.folder(f"train_{model}")
+        graphs, source = onnx_file.load_graphs(folder, section.outputs)
+        sources.append(folder / model_files.MODEL)
+        for name, graph in graphs.items():
+            rows += onnx_file.export(graph, name, out_dir / f"{name}.onnx", source, section)
     table = pd.DataFrame(rows)
     table.insert(0, "category", run.category)
-    record = provenance.record([section], 0, [folder / model_files.MODEL], onnx_file)
+    record = provenance.record([section], 0, sources, onnx_file)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)

@@ -20,7 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     root = tmp_path_factory.mktemp("experiment")
-    _models.write_model(root / "artifacts/tiny/train_ddf/chair", "ddf")
+    for kind in ("ddf", "ddf_image"):
+        _models.write_model(root / f"artifacts/tiny/train_{kind}/chair", kind)
     (root / "configs").mkdir()
     (root / "configs/tiny.yaml").write_text("train: {}\n")
     with pytest.MonkeyPatch.context() as patch:
@@ -32,7 +33,7 @@ def written(tmp_path_factory):
 
 
 def test_every_graph_is_written_with_one_table(written):
-    names = {"field", "encoders"}
+    names = {"field", "encoders", "rays", "encode"}
     assert {path.name for path in written.iterdir()} == {f"{name}.onnx" for name in names} | {
         "onnx_parity.csv",
         "onnx_parity.csv.json",
@@ -42,7 +43,9 @@ def test_every_graph_is_written_with_one_table(written):
     assert (table["category"] == "chair").all()
     assert (table["max_abs"] <= table["tolerance"]).all()
     assert (table["bytes"] == [(written / f"{name}.onnx").stat().st_size for name in table["graph"]]).all()
-    assert set(record["sources"]) == {"artifacts/tiny/train_ddf/chair/model.safetensors"}
+    assert set(record["sources"]) == {
+        f"artifacts/tiny/train_{kind}/chair/model.safetensors" for kind in ("ddf", "ddf_image")
+    }
 
 
 def test_example_of_the_docs_runs_without_this_package(written):

@@ -330,7 +330,7 @@ def export(
       model: trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`;
         several fields for a page alone.
       out: file to write: .onnx, or .html for the page of `ddf view`.
-      graph: field or encoders of a DDF model of train_ddf (field if not given).
+      graph: field or encoders of a DDF model (field if not given), rays or encode of a model with image features.
 
     Examples:
       ddf export rabbit field.onnx

@@ -30,7 +30,7 @@ from ddf.fields import field_file, model_files, shape_field
 from ddf.fields.grid import patch_field
 from ddf.io import onnx_graphs, onnx_parity, patch_graph
 from ddf.io.onnx_graphs import DYNAMIC, Graph
-from ddf.models import reconstruction_models
+from ddf.models import line_field, reconstruction_models
 
 OPSET = 18
 IR_VERSION = 10  # onnxruntime 1.18 and later read it
@@ -165,7 +165,7 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
         "model_license": LICENCE,
         **source,
     }
-    if "images" not in graph.inputs:
+    if not {"images", "image"} & set(graph.inputs):
         del facts["images"]
     texts = {
         key: value if isinstance(value, str) else json.dumps(value, sort_keys=True) for key, value in facts.items()
@@ -214,9 +214,9 @@ def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str
     elif kind == "ddf":
         ddf, image_size, _ = reconstruction_models.load_ddf(folder)
         graphs |= onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
+    elif kind == line_field.KIND:
+        trained = line_field.load(folder)
+        graphs |= onnx_graphs.line_graphs(trained.network.cpu(), trained.image_size)
     else:
-        raise checks.InputError(
-            f"{folder}: holds no field and no DDF of train_ddf; of a model with image features export what "
-            "`ddf.reconstruct` makes of an image"
-        )
+        raise checks.InputError(f"{folder}: holds no DDF; give a folder that `make train` or `ddf fit` wrote")
     return graphs, describe_source(path, record)

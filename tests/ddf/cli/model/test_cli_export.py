@@ -59,7 +59,7 @@ def _rename_kind(path):
     ("spoil", "arguments", "message"),
     [
         (lambda path: damage(path, -5), [], "is damaged or not one of our files"),
-        (_rename_kind, [], "holds no field and no DDF"),
+        (_rename_kind, [], "holds no DDF"),
         (lambda path: path.unlink(), [], "does not exist"),
         (lambda path: None, ["--graph", "rays"], "--graph must be one of field, encoders for"),
     ],
