@@ -41,7 +41,7 @@ from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.draws import Surface
 from ddf.data.synthetic import assemble, render, write
-from ddf.fields import cloud_projection, pddf, stored_fields
+from ddf.fields import cloud_projection, pddf
 from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
@@ -143,7 +143,7 @@ class Solver:
     @torch.no_grad()
     def cloud(self, modulations: Sequence[Tensor]) -> Float[np.ndarray, "n 3"]:
         """Of a shape, in its cube."""
-        drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(SEED)
+        drawn, generator = cloud_projection.USUAL, torch.Generator().manual_seed(SEED)
         cycles = cloud_projection.sample(self.decoder.field, list(modulations), POINTS, drawn, generator)
         return cloud_projection.select(cycles, [POINTS], drawn)[0].double().numpy()
 

@@ -17,7 +17,7 @@ from bench.lib import measuring
 from ddf.core import shipped_models
 from ddf.data import true_clouds
 from ddf.data.synthetic import write
-from ddf.fields import cloud_projection, pddf, stored_fields
+from ddf.fields import cloud_projection, pddf
 from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
@@ -53,7 +53,7 @@ def decoded(
     decoder: pddf.ConditionalPDDF, latents: Float[Tensor, "n z"], noise: float = 0.0
 ) -> list[neighbours.Neighbours]:
     """Clouds of the shapes of latents."""
-    drawn, found = stored_fields.cloud_config(), []
+    drawn, found = cloud_projection.USUAL, []
     for row, latent in enumerate(latents):
         modulations = [each[0] for each in decoder.modulations(latent[None])]
         cycles = cloud_projection.sample(decoder.field, modulations, POINTS, drawn, torch.Generator().manual_seed(row))

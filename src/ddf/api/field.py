@@ -82,10 +82,9 @@ class Field(queries.Queried):
           >>> ddf.load("rabbit").points(100).shape
           (100, 3)
         """
-        from ddf.fields import stored_fields
         from ddf.fit import surfaces
 
-        found = stored_fields.points(self.weights, checks.require_whole("n", n, 1), seed)
+        found = self.weights.points(checks.require_whole("n", n, 1), seed)
         return (found, surfaces.normals_at(self.framed, found)) if normals else found
 
     def seen(self, positions: npt.ArrayLike, directions: npt.ArrayLike) -> Bool[np.ndarray, "n"]:
@@ -109,9 +108,7 @@ class Field(queries.Queried):
         Raises:
           ValueError: the field came from an ONNX file alone, or torch is not installed.
         """
-        from ddf.fields import stored_fields
-
-        return stored_fields.save(self.weights, Path(folder))
+        return self.weights.save(Path(folder))
 
     def export(self, path: str | Path) -> Path:
         """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does.

@@ -245,7 +245,7 @@ def points(
 
     shape = stored_fields.load(field)
     started = time.monotonic()
-    found = stored_fields.points(shape, points, seed)
+    found = shape.points(points, seed)
     normals = surfaces.normals_at(shape, found)
     seconds = time.monotonic() - started
     storage.write_bytes(out, mesh_io.points_ply(found, normals))

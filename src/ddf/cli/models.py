@@ -1,5 +1,6 @@
 """Commands about trained models: the shipped ones, a thing from an image or a scan, new shapes, files of a model."""
 
+import dataclasses
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -251,7 +252,6 @@ def generate(
       ddf generate artifacts/generative/train_gan/car new_cars -n 4 --seed 1
     """
     from ddf.core import storage
-    from ddf.fields import shape_field
     from ddf.models import generated_images
     from ddf.pictures import picture_strips
     from ddf.reconstruction import sampler
@@ -265,7 +265,7 @@ def generate(
     looks = [_look(drawn, *pair) for pair in zip(shapes, textures, strict=True)]
     for number, (shape, seen) in enumerate(zip(shapes, looks, strict=True)):
         folder = out / f"{number:03d}"
-        shape_field.save(shape, folder, {"fingerprint": "", "seed": seed, "sources": {}})
+        dataclasses.replace(shape, record={"seed": seed}).save(folder)
         for name, picture in seen.items():
             storage.write_bytes(folder / f"{name}.png", image_files.encode(picture, ".png"))
     made = {"samples": _rows(looks)}

@@ -88,6 +88,19 @@ class CloudConfig(schema.Checked):
             raise checks.InputError(f"recheck must list offsets in (0, 1); got {list(self.recheck)}")
 
 
+USUAL = CloudConfig(  # of commands
+    num_directions=16,
+    jitter=0.2,
+    recheck=(0.1,),
+    spread=0.75,
+    temperature=0.05,
+    inverse_depth=0.05,
+    crowding=1.0,
+    least_confidence=0.1,
+    aimed=0.5,
+)
+
+
 @dataclass(frozen=True)
 class ProjectedPoints:
     """Points after one cycle; ξ(p, v̂*) that the field gave each; the mean of that and of the rechecks' ξ."""

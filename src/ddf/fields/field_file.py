@@ -1,5 +1,6 @@
 """The file of a field of one shape: its record, and its weights as arrays. Needs no torch."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,14 @@ class FieldFile:
                 raise checks.InputError(f"{self.file}: does not fit the architecture of its config: {names[index]}")
             checks.require_finite(f"{self.file}: {names[index]}", weight)
         return [(weight, bias, omega) for (weight, bias), omega in zip(found, omegas, strict=True)]
+
+
+def write(folder: Path, tensors: Mapping[str, Any], record: Mapping[str, Any]) -> Path:
+    """A field's file in a folder, as `ddf fit` does."""
+    path = folder / MODEL
+    own = {name: value for name, value in record.items() if name != "checksum"}  # it is of the old file
+    storage.save_tensors(path, tensors, {"fingerprint": "", "seed": 0, "sources": {}, **own})
+    return path
 
 
 def file_of(path: Path) -> Path:

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, storage
+from ddf.core import checks
 from ddf.fields import cloud_projection, field_file, field_outputs, field_values, framed_field, model_files, rendering
 from ddf.fields.pddf import PDDF, PDDFConfig
 from ddf.geometry import transforms
@@ -53,6 +53,21 @@ class ShapeField:
         found = field_values.evaluate(self.field, inside, looking, outputs)
         return {name: values.cpu().numpy() for name, values in found.items()}
 
+    @torch.no_grad()
+    def points(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 3"]:
+        """Points on the surface, mesh frame, by `cloud_projection.USUAL` in the field's own box."""
+        if count < 1:
+            raise checks.InputError(f"the number of points must be >= 1; got {count}")
+        generator = torch.Generator(self.field.network.head.weight.device).manual_seed(seed)
+        box = (self.lower.tolist(), self.upper.tolist())
+        kept = cloud_projection.draw(self.field, None, count, cloud_projection.USUAL, generator, box)
+        return self.field_from_mesh.inverse().apply(kept.double().cpu().numpy())
+
+    def save(self, folder: Path) -> Path:
+        """The field's file, as `ddf fit` writes it."""
+        described = description(self.field.config, self.lower, self.upper, self.field_from_mesh)
+        return field_file.write(folder, dict(self.field.state_dict()), {**self.record, **described})
+
 
 def description(
     config: PDDFConfig,
@@ -75,14 +90,6 @@ def in_cube(field: PDDF, v1_from_field: float) -> ShapeField:
     return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {})
 
 
-def save(shape: ShapeField, folder: Path, record: dict[str, Any]) -> Path:
-    """A field as `ddf fit` writes it; its file. The record has fingerprint, seed and sources."""
-    described = description(shape.field.config, shape.lower, shape.upper, shape.field_from_mesh)
-    path = folder / field_file.MODEL
-    storage.save_tensors(path, dict(shape.field.state_dict()), {**record, **described})
-    return path
-
-
 def load(path: Path) -> ShapeField:
     """A field from its file, or from the folder that `ddf fit` wrote, in evaluation mode."""
     from ddf.core import config  # takes yaml, which inference does without
@@ -92,19 +99,3 @@ def load(path: Path) -> ShapeField:
         how = config.recorded(stored.record["field"], PDDFConfig, "field", NEEDED)
     field = model_files.built(lambda: PDDF(how), stored.file.parent, name=stored.file.name)
     return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
-
-
-@torch.no_grad()
-def cloud(
-    shape: ShapeField, count: int, config: cloud_projection.CloudConfig, seed: int = 0
-) -> Float[np.ndarray, "count 3"]:
-    """Points on the surface, mesh frame: points of the box projected N_H times.
-
-    As `cloud_projection.sample`, with B the field's own box.
-    """
-    if count < 1:
-        raise checks.InputError(f"the number of points must be >= 1; got {count}")
-    generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
-    box = (shape.lower.tolist(), shape.upper.tolist())
-    kept = cloud_projection.draw(shape.field, None, count, config, generator, box)
-    return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

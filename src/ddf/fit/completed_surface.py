@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ddf.core import storage
-from ddf.fields import cloud_projection, field_file, pddf, rendering, shape_field, stored_fields
+from ddf.fields import cloud_projection, field_file, pddf, rendering, shape_field
 from ddf.fit import completion
 from ddf.geometry import neighbours, rays, scans
 
@@ -47,7 +47,7 @@ def field(network: pddf.PDDF, found: completion.Completed) -> shape_field.ShapeF
 @torch.no_grad()
 def cloud(network: pddf.PDDF, found: completion.Completed, scan: scans.Scan, count: int, seed: int = 0) -> Cloud:
     """Points of the surface, which of them were seen, and how sure all are."""
-    drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(seed)
+    drawn, generator = cloud_projection.USUAL, torch.Generator().manual_seed(seed)
     cycles = cloud_projection.sample(network, found.modulations, count, drawn, generator)
     (points,) = cloud_projection.select(cycles, [count], drawn)
     hits = found.scan_from_field.inverse().apply(scan.points)

@@ -16,7 +16,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 from torch import Tensor
 
-from ddf.fields import cloud_projection, stored_fields
+from ddf.fields import cloud_projection
 from ddf.geometry import cameras, transforms
 from ddf.models import line_field, reconstruction_models
 from ddf.reconstruction import line_clouds, mask_descent
@@ -100,7 +100,7 @@ def _by_shape(
         views = model.views(image.to(mean), torch.cat((camera[:, :2], mean[None, 2:]), dim=1))
         cloud = line_clouds.draw(line_field.ImageField.of(model.decoder, views), _POINTS, generator)
     else:
-        drawn = dataclasses.replace(stored_fields.cloud_config(), cycles=1)
+        drawn = dataclasses.replace(cloud_projection.USUAL, cycles=1)
         own = [each[0] for each in model.modulations(latent)]
         cloud = cloud_projection.draw(model.field, own, _POINTS, drawn, generator)
     points = (transforms.BENCHMARK_FROM_V1 * mask_descent.scale_from_cloud(cloud) * cloud).double()

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ddf.core import checks
 from ddf.data.batches import category_data
-from ddf.fields import cloud_projection, framed_field, model_files, pddf, shape_field, stored_fields
+from ddf.fields import cloud_projection, framed_field, model_files, pddf, shape_field
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import framing, mask_descent
 
@@ -82,7 +82,7 @@ def reconstruct(
     with timed(seconds, "encoders"), torch.no_grad():
         stages, latent, seen_from = reconstruction_models.encode_batch(model, framed)
     score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
-    drawn = stored_fields.cloud_config()
+    drawn = cloud_projection.USUAL
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
     with timed(seconds, "cloud"):

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection, model_files, shape_field, stored_fields
+from ddf.fields import cloud_projection, model_files, shape_field
 from ddf.fit import latent_prior
 from ddf.models import generative_models
 from ddf.reconstruction import many_images, mask_descent, one_image
@@ -53,7 +53,7 @@ def _of_reconstruction(folder: Path) -> Sampler:
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
         modulations = [each[0] for each in decoder.modulations(prior.latents(latent)[None])]
-        drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(0)
+        drawn, generator = cloud_projection.USUAL, torch.Generator().manual_seed(0)
         cloud = cloud_projection.draw(decoder.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
         return one_image.placed(decoder.field, modulations, cloud, mask_descent.scale_from_cloud(cloud))
 

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from ddf.core import provenance
 from ddf.data.batches import category_data
-from ddf.fields import losses, pddf, rendering, shape_field, stored_fields
+from ddf.fields import losses, pddf, rendering, shape_field
 from ddf.geometry import neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf.models import generative_models, generative_settings
@@ -76,7 +76,7 @@ def of_fields(fields: Sequence[pddf.PDDF], scales: Sequence[float], count: int, 
     found = []
     for field, scale in zip(fields, scales, strict=True):
         shape = shape_field.ShapeField(field, -upper, upper, transforms.Similarity(scale), {})
-        drawn = shape_field.cloud(shape, count, stored_fields.cloud_config(), seed)
+        drawn = shape.points(count, seed)
         found.append(neighbours.Neighbours(drawn * transforms.BENCHMARK_FROM_V1, "cloud of a field"))
     return found
 

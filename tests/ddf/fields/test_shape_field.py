@@ -6,14 +6,13 @@ import torch
 from torch.nn import functional
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection, derivatives, field_outputs, field_values, framed_field, pddf, shape_field
+from ddf.fields import derivatives, field_outputs, field_values, framed_field, pddf, shape_field
 from ddf.fields.model_files import MODEL
 from ddf.geometry import rays, transforms
 
 CONFIG = pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
 LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
 MAP = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # the mesh is 100 units long, off the origin
-CLOUD = cloud_projection.CloudConfig(8, 2, 0.0, (), None, 0.05, 0.05)
 
 
 def _write(folder, config=CONFIG, **changes):
@@ -169,11 +168,11 @@ def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
         assert name == "depth" or np.isfinite(image).all(), name
 
 
-def test_cloud_is_seeded_and_in_the_mesh_frame(shape):
-    points = shape_field.cloud(shape, 40, CLOUD, seed=3)
+def test_points_are_seeded_and_in_the_mesh_frame(shape):
+    points = shape.points(40, 3)
     assert points.shape == (40, 3)
-    assert np.array_equal(points, shape_field.cloud(shape, 40, CLOUD, seed=3))
-    assert not np.array_equal(points, shape_field.cloud(shape, 40, CLOUD, seed=4))
+    assert np.array_equal(points, shape.points(40, 3))
+    assert not np.array_equal(points, shape.points(40, 4))
     assert np.abs(MAP.apply(points)).max() < 5  # near the box in field units
     with pytest.raises(checks.InputError, match="number of points must be >= 1; got 0"):
-        shape_field.cloud(shape, 0, CLOUD)
+        shape.points(0)

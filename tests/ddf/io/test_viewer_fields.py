@@ -24,7 +24,7 @@ def _field():
 
 def _shape(folder, field):
     shape = shape_field.ShapeField(field, -np.ones(3), np.ones(3), transforms.Similarity(2.0), {})
-    return field_file.read(shape_field.save(shape, folder, {}))
+    return field_file.read(shape.save(folder))
 
 
 def _plain(baked, inputs):

@@ -56,7 +56,7 @@ def test_a_sample_opens_as_any_field_does(tmp_path):
     model = _generative.vae()
     plain = generative_models.plain_field(model.decoder, torch.ones(5))
     shape = shape_field.in_cube(plain, 1 / 2.5)
-    shape_field.save(shape, tmp_path, {"fingerprint": "x", "seed": 0, "sources": {}})
+    shape.save(tmp_path)
     loaded = shape_field.load(tmp_path)
     positions, directions = _models.points(10)
     assert_close(loaded.field(positions, directions), plain(positions, directions))

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from ddf.core import config, schema
+from ddf.fields import cloud_projection
 from ddf.fields import pddf as ddf_fields
-from ddf.fields import stored_fields
 from ddf.fit import fit_settings
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import one_image
@@ -55,7 +55,7 @@ def test_every_section_loads(path):
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
     section = Run.read(path).section(reconstruction_settings.PointcloudsConfig)
-    assert section.cloud == stored_fields.cloud_config()
+    assert section.cloud == cloud_projection.USUAL
     assert section.shape_correction == reconstruction_settings.ShapeCorrectionConfig()
     assert section.correction == one_image.CAMERA
 

@@ -79,6 +79,10 @@ class PatchField:
         """Points on the patches, mesh frame, evenly spread by area; InputError where they are fewer than 1."""
         return self.field_from_mesh.inverse().apply(self._spread(count, seed)[0])
 
+    def save(self, folder: Path) -> Path:
+        """The field's file, as `ddf fit` writes it."""
+        return field_file.write(folder, self.arrays, self.record)
+
     def cloud(self) -> checked_cloud.CheckedCloud:
         """Points with their planes, for distances, mesh frame."""
         points, normals, area = self._spread(CLOUD, 0)
