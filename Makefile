@@ -51,7 +51,7 @@ report: stage-report ## tables, figures and report of CONFIG (makes what is miss
 publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where git keeps it
 	@$(RUN) -m ddf_lab.engine.publish "$$CONFIG"
 stale: $(READY) ## the pages and benchmarks in reports/ that other code than today's made
-	@$(RUN) -m ddf_lab.engine.stale
+	@$(RUN) -m ddf_lab.engine.publish
 
 ##@ Quality
 test: $(READY) ## lint and types, the smoke pipeline, the site and unit tests, two side by side; then the viewer's page

@@ -15,7 +15,7 @@ from pathlib import Path
 from bench.lib import catalogue, measuring
 from ddf.cli import declare
 from ddf.core import errors
-from ddf_lab.engine import stale
+from ddf_lab.engine import publish
 
 WIDTH, INDENT = 110, 20  # of the listing
 
@@ -48,7 +48,7 @@ def run_one(name: str, arguments: Sequence[str]) -> int:
     options, threads = vars(parser.parse_args(arguments)), getattr(module, "THREADS", 1)
     importlib.import_module("torch").set_num_threads(threads)
     if rows := module.main(**options):
-        code = stale.of_bench(Path(module.__file__ or ""))
+        code = publish.of_bench(Path(module.__file__ or ""))
         measuring.write(name, threads, rows, getattr(module, "KEPT", False), code)
     return 0
 

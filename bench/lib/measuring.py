@@ -85,7 +85,7 @@ def write(name: str, threads: int, rows: Iterable[Row], kept: bool = False, code
 
     Args:
       rows: each is printed and written as soon as it is there. kept: older rows of other names stay in the file, and of
-        the same name what the new one has not. code: what made the rows, see `ddf_lab.engine.stale`.
+        the same name what the new one has not. code: what made the rows, see `ddf_lab.engine.publish`.
     """
     file = OUT / f"{name}.json"
     found: list[Row] = storage.read_json(file)["rows"] if kept and file.exists() else []

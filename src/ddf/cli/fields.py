@@ -151,7 +151,7 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
         field = stored_fields.load(out)
         truth = inspection.beside(field, mesh)
         looks = inspection.measure(field, truth)
-        storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
+        storage.write_bytes(picture, image_files.encode([inspection.picture(field, truth)], picture.suffix))
         storage.write_json(out / fit_folder.METRICS, {**result, "looks": looks})
     return {
         **result,

@@ -15,12 +15,7 @@ _LEVELS = 65535  # of 16 bits, beside 0
 _AXES = "XYZ"
 
 
-def encode(picture: "UInt8[np.ndarray, 'height width 3']", suffix: str) -> bytes:
-    """A picture as a file of one of the `PICTURES`; both keep every pixel."""
-    return encode_frames([picture], suffix)
-
-
-def encode_frames(frames: "Sequence[UInt8[np.ndarray, 'height width 3']]", suffix: str, frame_ms: int = 0) -> bytes:
+def encode(frames: "Sequence[UInt8[np.ndarray, 'height width 3']]", suffix: str, frame_ms: int = 0) -> bytes:
     """Pictures as one file of the `PICTURES`, moving and looping where there are several; every pixel is kept."""
     from PIL import Image
 

@@ -267,7 +267,7 @@ def generate(
         folder = out / f"{number:03d}"
         dataclasses.replace(shape, record={"seed": seed}).save(folder)
         for name, picture in seen.items():
-            storage.write_bytes(folder / f"{name}.png", image_files.encode(picture, ".png"))
+            storage.write_bytes(folder / f"{name}.png", image_files.encode([picture], ".png"))
     made = {"samples": _rows(looks)}
     if samples > 1:
         ends = [generated_images.between((each[0], each[1]), _INTERPOLATED) for each in (latents, textures)]

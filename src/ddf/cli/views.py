@@ -148,7 +148,7 @@ def _shaded(
     frames = [shaded.render(standing, each, size, shown) for each in seen_by]
     seconds = time.monotonic() - started
     pictures = [frame.picture for frame in frames]
-    storage.write_bytes(out, image_files.encode_frames(pictures, out.suffix.lower(), _FRAME_MS))
+    storage.write_bytes(out, image_files.encode(pictures, out.suffix.lower(), _FRAME_MS))
     pixels, seen = len(frames) * size**2, float(np.mean([frame.seen for frame in frames]))
     told = f"{len(frames)} x {size} x {size}" if turn else f"{size} x {size}"
     found = _told(out, told, (azimuth, elevation, far), pixels, seen, shape.queries, seconds)
@@ -182,7 +182,7 @@ def _write(
         from ddf.pictures import field_pictures
 
         (name,) = drawn
-        storage.write_bytes(out, image_files.encode(field_pictures.picture(name, images), suffix))
+        storage.write_bytes(out, image_files.encode([field_pictures.picture(name, images)], suffix))
     return None
 
 
@@ -373,7 +373,7 @@ def scene(
         arrays = {name: stacked[name] if path else stacked[name][0] for name in outputs}
         storage.write_bytes(out, image_files.npz(arrays))
     else:
-        storage.write_bytes(out, image_files.encode_frames(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
+        storage.write_bytes(out, image_files.encode(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
     pixels, queries = size**2 * len(looks), sum(field.queries for field in counted)
     saved = pixels * len(counted) - queries  # of every object asked once for every pixel
     return {

@@ -7,7 +7,7 @@ import pytest
 
 from bench.lib import measuring
 from ddf.core import storage
-from ddf_lab.engine import graph, publish, stage, stale
+from ddf_lab.engine import graph, publish, stage
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -35,7 +35,7 @@ def run(tmp_path, monkeypatch):
 def test_a_page_replaces_the_one_before(run):
     storage.write_text(Path("reports/own/old.svg"), "")
     out = publish.publish(run)
-    assert {path.name for path in out.iterdir()} == {"README.md", "a.webp", publish.INPUTS, stale.CODE}
+    assert {path.name for path in out.iterdir()} == {"README.md", "a.webp", publish.INPUTS, publish.CODE}
     assert json.loads((out / publish.INPUTS).read_text()) == publish.shipped("field")
     assert {"rabbit", "nested"} <= publish.shipped("field").keys()
     (run.page / "README.md").unlink()
@@ -56,14 +56,14 @@ def test_a_page_replaces_the_one_before(run):
 def test_what_changed_before_stands_in_the_first_line_and_what_changes_later_is_listed(run, file, text, old):
     made_of = not file.startswith("artifacts")
     publish.publish(run)
-    assert stale.listed() == []
+    assert publish.listed() == []
     storage.write_text(Path(file), text)
-    assert stale.listed() == ([f"reports/own: {', '.join(old)}"] if old and made_of else [])
+    assert publish.listed() == ([f"reports/own: {', '.join(old)}"] if old and made_of else [])
     out = publish.publish(Run.read("configs/own.yaml"))
     first, *rest = (out / "README.md").read_text().splitlines()
     assert first == (f"Stale, of older code or settings: {', '.join(old)}." if old else "report/README.md")
     assert rest[-1:] == (["report/README.md"] if old else [])
-    assert stale.listed() == ([f"reports/own: {', '.join(old)}"] if old else [])  # told until it is made anew
+    assert publish.listed() == ([f"reports/own: {', '.join(old)}"] if old else [])  # told until it is made anew
 
 
 def test_rows_of_a_benchmark_are_held_against_its_code_and_what_it_imports_of_bench(tmp_path, monkeypatch):
@@ -71,14 +71,14 @@ def test_rows_of_a_benchmark_are_held_against_its_code_and_what_it_imports_of_be
     files = {"bench/fields/own.py": "from bench.lib import near\n", "bench/lib/near.py": "from bench.lib import far\n"}
     for name, text in {**files, "bench/lib/far.py": "X = 1\n", "bench/lib/other.py": "X = 1\n"}.items():
         storage.write_text(Path(name), text)
-    code = stale.of_bench(Path("bench/fields/own.py").absolute())
+    code = publish.of_bench(Path("bench/fields/own.py").absolute())
     rows = [{"what": "a", "code": code}, {"what": "b"}]
     storage.write_json(Path("reports/bench/own.json"), {"rows": rows})
-    assert stale.listed() == ["reports/bench/own.json: 1 of 2 rows"]
+    assert publish.listed() == ["reports/bench/own.json: 1 of 2 rows"]
     storage.write_text(Path("bench/lib/other.py"), "X = 2\n")
-    assert stale.of_bench(Path("bench/fields/own.py")) == code
+    assert publish.of_bench(Path("bench/fields/own.py")) == code
     storage.write_text(Path("bench/lib/far.py"), "X = 2\n")
-    assert stale.listed() == ["reports/bench/own.json: 2 of 2 rows"]
+    assert publish.listed() == ["reports/bench/own.json: 2 of 2 rows"]
 
 
 def test_rows_that_are_measured_keep_their_code(tmp_path, monkeypatch):
