@@ -31,20 +31,13 @@ def make(run: Run) -> None:
     model = reconstruction_models.DDFModel(train, section.field).to(model_files.device())
     model.fit_cameras(images)
     facts, modules = [train, section, run.category, digest], [reconstruction_steps, proposed_rays]
-    architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    out_dir = run.folder("train_ddf", seed=run.seed)
-    training_loop.fit(
-        model,
-        model.parameter_groups(section.encoder_share(train.loop)),
-        functools.partial(
-            reconstruction_steps.ddf_step, model, images, shapes, samples, train, section, propose=propose
-        ),
-        section.steps,
-        section.loop(train.loop),
-        out_dir,
-        provenance.record(facts, train.loop.seed, sources, modules) | architecture,
-        f"ddf {run.label}",
-    )
+    record = provenance.record(facts, train.loop.seed, sources, modules)
+    record |= {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    given = (model, images, shapes, samples, train, section)
+    step = functools.partial(reconstruction_steps.ddf_step, *given, propose=propose)
+    groups = model.parameter_groups(section.encoder_share(train.loop))
+    out_dir, loop, label = run.folder("train_ddf", seed=run.seed), section.loop(train.loop), f"ddf {run.label}"
+    training_loop.fit(model, groups, step, section.steps, loop, out_dir, record, label)
     if distributed.rank() == 0:
         statistics = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), images))
         if statistics is not None:

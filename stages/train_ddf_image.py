@@ -31,19 +31,12 @@ def make(run: Run) -> None:
     if start is not None:
         line_steps.start_from(model, start)
         sources = [*sources, start]
-    facts = [train, section, run.category, digest]
-    architecture = {"kind": line_field.KIND, "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    out_dir = run.folder("train_ddf_image", seed=run.seed)
-    training_loop.fit(
-        model,
-        model.parameter_groups(),
-        functools.partial(line_steps.ddf_image_step, model, images, shapes, samples, train, section),
-        section.steps,
-        section.loop(train.loop),
-        out_dir,
-        provenance.record(facts, train.loop.seed, sources, line_steps) | architecture,
-        f"ddf_image {run.label}",
-    )
+    record = provenance.record([train, section, run.category, digest], train.loop.seed, sources, line_steps)
+    record |= {"kind": line_field.KIND, "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    step = functools.partial(line_steps.ddf_image_step, model, images, shapes, samples, train, section)
+    out_dir, loop = run.folder("train_ddf_image", seed=run.seed), section.loop(train.loop)
+    label = f"ddf_image {run.label}"
+    training_loop.fit(model, model.parameter_groups(), step, section.steps, loop, out_dir, record, label)
     if distributed.rank() == 0:
         statistics = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), images))
         if statistics is not None:

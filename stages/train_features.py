@@ -20,15 +20,8 @@ def make(run: Run) -> None:
     images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category)
     model = generative_steps.FeatureNetwork(section, len(images.ids)).to(model_files.device())
     record = provenance.record([section, run.category, images.digest()], section.loop.seed, sources, generative_steps)
-    training_loop.fit(
-        model,
-        model.parameter_groups(),
-        functools.partial(generative_steps.features_step, model, images),
-        section.steps,
-        section.loop,
-        run.folder("train_features"),
-        record
-        | {"kind": generative_steps.FEATURES, "category": run.category}
-        | {"features": dataclasses.asdict(section), "shapes": len(images.ids)},
-        f"features {run.category}",
-    )
+    record |= {"kind": generative_steps.FEATURES, "category": run.category}
+    record |= {"features": dataclasses.asdict(section), "shapes": len(images.ids)}
+    step, out_dir = functools.partial(generative_steps.features_step, model, images), run.folder("train_features")
+    groups, label = model.parameter_groups(), f"features {run.category}"
+    training_loop.fit(model, groups, step, section.steps, section.loop, out_dir, record, label)

@@ -26,15 +26,8 @@ def make(run: Run) -> None:
     model.field_scale.copy_(vae.field_scale)
     model.to(model_files.device())
     record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, generative_steps)
-    training_loop.fit(
-        model,
-        model.parameter_groups(),
-        generative_steps.image_updates(model, images, normals),
-        gan.steps,
-        gan.loop,
-        run.folder("train_gan"),
-        record
-        | {"kind": generative_models.GAN, "category": run.category}
-        | {"gan": dataclasses.asdict(gan), "vae": dataclasses.asdict(vae.config)},
-        f"gan {run.category}",
-    )
+    record |= {"kind": generative_models.GAN, "category": run.category}
+    record |= {"gan": dataclasses.asdict(gan), "vae": dataclasses.asdict(vae.config)}
+    updates, out_dir = generative_steps.image_updates(model, images, normals), run.folder("train_gan")
+    groups, label = model.parameter_groups(), f"gan {run.category}"
+    training_loop.fit(model, groups, updates, gan.steps, gan.loop, out_dir, record, label)

@@ -19,13 +19,7 @@ def make(run: Run) -> None:
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
     model = generative_models.NoiseGAN(gan).to(model_files.device())
     record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, generative_steps)
-    training_loop.fit(
-        model,
-        model.parameter_groups(),
-        generative_steps.noise_updates(model, images),
-        gan.steps,
-        gan.loop,
-        run.folder("train_gan2d"),
-        record | {"kind": generative_models.GAN_2D, "category": run.category, "gan": dataclasses.asdict(gan)},
-        f"2D gan {run.category}",
-    )
+    record |= {"kind": generative_models.GAN_2D, "category": run.category, "gan": dataclasses.asdict(gan)}
+    updates, out_dir = generative_steps.noise_updates(model, images), run.folder("train_gan2d")
+    groups, label = model.parameter_groups(), f"2D gan {run.category}"
+    training_loop.fit(model, groups, updates, gan.steps, gan.loop, out_dir, record, label)

@@ -28,14 +28,9 @@ def make(run: Run) -> None:
     model = reconstruction_models.PCSirenModel(train).to(model_files.device())
     model.fit_cameras(images)
     facts = [train, section, run.category, digest]
-    architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    training_loop.fit(
-        model,
-        model.parameter_groups(),
-        functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, train, section),
-        section.steps,
-        train.loop,
-        run.folder("train_pcsiren", seed=run.seed),
-        provenance.record(facts, train.loop.seed, sources, reconstruction_steps) | architecture,
-        f"pcsiren {run.label}",
-    )
+    record = provenance.record(facts, train.loop.seed, sources, reconstruction_steps)
+    record |= {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    step = functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, train, section)
+    groups, label = model.parameter_groups(), f"pcsiren {run.label}"
+    out_dir = run.folder("train_pcsiren", seed=run.seed)
+    training_loop.fit(model, groups, step, section.steps, train.loop, out_dir, record, label)

@@ -24,13 +24,7 @@ def make(run: Run) -> None:
     model.field_scale.fill_(float(shapes.scales.mean()))
     model.to(model_files.device())
     record = provenance.record([section, run.category, list(learned)], section.loop.seed, sources, generative_steps)
-    training_loop.fit(
-        model,
-        model.parameter_groups(),
-        functools.partial(generative_steps.vae_step, model, shapes),
-        section.steps,
-        section.loop,
-        run.folder("train_vae"),
-        record | {"kind": generative_models.VAE, "category": run.category, "vae": dataclasses.asdict(section)},
-        f"vae {run.category}",
-    )
+    record |= {"kind": generative_models.VAE, "category": run.category, "vae": dataclasses.asdict(section)}
+    step, out_dir = functools.partial(generative_steps.vae_step, model, shapes), run.folder("train_vae")
+    groups, label = model.parameter_groups(), f"vae {run.category}"
+    training_loop.fit(model, groups, step, section.steps, section.loop, out_dir, record, label)

@@ -222,43 +222,15 @@ def test_sigkill_and_again_gives_the_same_table(workspace, stage, sign, whole_gr
 
 def test_further_seeds_are_added_and_left_out_again(workspace):
     table = workspace.table
-    assert sorted(workspace.smoke("SEEDS=2")) == [
-        "evaluate",
-        "pointclouds",
-        "report",
-        "train_ddf",
-        "train_ddf_image",
-        "train_pcsiren",
-    ]
+    trained = {f"train_{name}" for name in ("ddf", "ddf_image", "pcsiren")}
+    assert set(workspace.smoke("SEEDS=2")) == {*trained, "pointclouds", "evaluate", "report"}
     assert workspace.smoke("SEEDS=2") == []
     assert (workspace.artifacts / "evaluate_seeds" / "1" / "si3dr.csv").read_text() != table
     assert workspace.table == table
     assert "±" in workspace.report
-    run = workspace.start("smoke", "SEEDS=3")
-    run.wait_for(lambda: list(workspace.artifacts.glob("train_ddf_seeds/2/primitives/checkpoint.safetensors")))
-    os.killpg(run.process.pid, signal.SIGKILL)
-    run.process.wait()
     assert workspace.smoke() == ["report"]
-    assert "±" not in workspace.report
-    assert workspace.smoke("SEEDS=2") == ["report"]
-    assert "evaluate" in workspace.smoke("SEEDS=3")
-    assert "over 3 seeds" in workspace.report
-    assert workspace.smoke() == ["report"]
-    assert workspace.smoke() == []
+    assert "±" not in workspace.report and workspace.smoke() == []
     assert workspace.table == table
-
-
-def test_two_calls_at_once_run_one_after_the_other(workspace):
-    shutil.rmtree(workspace.artifacts / "evaluate")
-    first = workspace.start("smoke")
-    first.wait_for((workspace.root / ".make" / "lock").read_text)
-    second = workspace.start("smoke")
-    codes = [run.process.wait(timeout=PATIENCE) for run in (first, second)]
-    assert codes == [0, 0], first.output + second.output
-    assert second.output.startswith("another run holds this folder (process ")
-    assert second.output.splitlines()[0].endswith("waiting for it to end")
-    assert "evaluate" in _stages(first.output)
-    assert _stages(second.output) == []
 
 
 DAMAGED = [
