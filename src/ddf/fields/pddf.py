@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ddf.core import checks, schema
+from ddf.core import schema
 from ddf.core.schema import setting
 from ddf.fields import siren
 
@@ -41,9 +41,6 @@ class PDDFConfig(schema.Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.layout()
-        if self.depth_activation not in siren.ACTIVATIONS:
-            known = ", ".join(siren.ACTIVATIONS)
-            raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
 
     def layout(self) -> siren.SineLayout:
         """Sizes and frequencies of the sine network."""

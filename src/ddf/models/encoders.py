@@ -6,8 +6,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.core import checks
-
 IMAGE_CHANNELS = 4
 FULL_WIDTH = 64
 
@@ -94,9 +92,3 @@ def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
 
 
 ENCODERS: dict[str, Callable[[int, int], Encoder]] = {"resnet": ResNet18}  # a new one is a class and its entry here
-
-
-def require(name: str) -> None:
-    """Raise InputError unless there is an encoder of that name."""
-    if name not in ENCODERS:
-        raise checks.InputError(f"train.encoder must be one of {', '.join(ENCODERS)}; got {name!r}")

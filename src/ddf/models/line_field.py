@@ -210,9 +210,8 @@ class LineDecoder(nn.Module):
         rows = rows[:, None, None].expand(may.shape)
         for view in range(views.cameras.shape[1]):
             pixels, _ = self._pixels(views, view, rows.flatten(), at.flatten(0, 2))
-            may = may & (_asked(views.opaque[:, view, None], rows.flatten(), pixels, "nearest")[:, 0] > 0).view(
-                may.shape
-            )
+            opaque = _asked(views.opaque[:, view, None], rows.flatten(), pixels, "nearest")[:, 0]
+            may = may & (opaque > 0).view(may.shape)
         return may
 
     def answers(

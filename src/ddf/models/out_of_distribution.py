@@ -102,9 +102,8 @@ def told_apart(
 def _regression(own: Float[Tensor, "n f"], others: Float[Tensor, "m f"], spread: Float[Tensor, "f"]) -> Tensor:
     """w of a logistic regression on features over their spread, both kinds of equal weight; its constant is free."""
     weights = torch.zeros(own.shape[1] + 1, dtype=own.dtype, requires_grad=True)
-    scaled = [
-        functional.pad(each / spread, (0, 1), value=1.0) for each in (own - others.mean(0), others - others.mean(0))
-    ]
+    centred = own - others.mean(0), others - others.mean(0)
+    scaled = [functional.pad(each / spread, (0, 1), value=1.0) for each in centred]
     optimiser = torch.optim.LBFGS([weights], max_iter=200, line_search_fn="strong_wolfe")
 
     def loss() -> Tensor:

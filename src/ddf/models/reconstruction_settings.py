@@ -40,7 +40,8 @@ class TrainConfig(schema.Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        encoders.require(self.encoder)
+        if self.encoder not in (known := encoders.ENCODERS):
+            raise checks.InputError(f"train.encoder must be one of {', '.join(known)}; got {self.encoder!r}")
 
 
 @dataclass(frozen=True)
