@@ -19,8 +19,6 @@ from ddf.core import checks, config, storage
 from ddf_lab.run import Kind, Run, layer
 
 PIPELINE = Path("pipeline.yaml")
-NAME = re.compile(r"\w+")
-HASH_DIGITS = 8  # of the changes, in the name of a variant: <name>+<digits>
 
 
 @dataclass(frozen=True)
@@ -92,14 +90,15 @@ def experiment(given: str, changes: Sequence[str] = ()) -> Run:
     """
     found = Run.read(given, changes=changes)
     own = config.named_file(found.name)
-    if not NAME.fullmatch(found.name) or (own is not None and own.resolve() != found.file.resolve()):
-        why = "letters, digits and _ only" if not NAME.fullmatch(found.name) else f"{own} has it"
+    is_word = re.fullmatch(r"\w+", found.name)
+    if not is_word or (own is not None and own.resolve() != found.file.resolve()):
+        why = f"{own} has it" if is_word else "letters, digits and _ only"
         raise checks.InputError(f"{given}: {found.name!r} cannot be an experiment's name ({why}); rename the file")
     sections = {name: config.plain(section) for name, section in found.sections().items()}
-    name, _ = found.name, found.categories
+    name, _ = found.name, found.categories  # which are checked
     if changes:
         said = json.dumps(sorted(map(layer, changes), key=str), sort_keys=True)
-        name += f"+{hashlib.sha256(said.encode()).hexdigest()[:HASH_DIGITS]}"
+        name += f"+{hashlib.sha256(said.encode()).hexdigest()[:8]}"
     file = Path("artifacts") / name / f"{name}.yaml"
     write(file, yaml.safe_dump(sections, sort_keys=False, allow_unicode=True))
     return Run.read(file)

@@ -73,18 +73,12 @@ def _start(make: Make, category: bool, seed: bool) -> NoReturn:
     if category:
         parser.add_argument("--category", required=True, help="one of the categories of the experiment")
     if seed:
-        parser.add_argument("--seed", type=_whole_number, default=0, help="added to the config's seeds (default 0)")
+        parser.add_argument("--seed", type=int, default=0, help="added to the config's seeds (default 0)")
     arguments = vars(parser.parse_args())
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     kept = "what is finished is kept, and the same command goes on from there"
     with processes.raised():
         sys.exit(errors.guarded(lambda: _run_alone(make, Run.read(**arguments)), Path(sys.argv[0]).stem, kept))
-
-
-def _whole_number(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"must be a whole number, 0 or more; got {text!r}")
-    return int(text)
 
 
 def _run_alone(make: Make, run: Run) -> None:
