@@ -268,9 +268,8 @@ def _pcd(path: Path) -> _Cloud:
     return np.asarray(cloud.points), np.asarray(cloud.normals) if cloud.has_normals() else None, sensor
 
 
-def _ply(path: Path) -> _Cloud:
-    points, normals = mesh_io.read_oriented(path)
-    return points, normals, np.zeros(3)
-
-
-_CLOUDS: dict[str, Callable[[Path], _Cloud]] = {".bin": _bin, ".pcd": _pcd, ".ply": _ply}
+_CLOUDS: dict[str, Callable[[Path], _Cloud]] = {
+    ".bin": _bin,
+    ".pcd": _pcd,
+    ".ply": lambda path: (*mesh_io.read_oriented(path), np.zeros(3)),
+}

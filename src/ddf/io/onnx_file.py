@@ -10,7 +10,6 @@ onnxruntime 1.31 does not count negative axes from the back where an input is em
 over axis -1 has shape (0, 3) there instead of (0), and the next node fails. Axes from 0 on are right for any length.
 """
 
-import itertools
 import json
 import tempfile
 import warnings
@@ -107,7 +106,11 @@ def to_onnx(graph: Graph, source: Mapping[str, Any]) -> bytes:
         shapes = [value.shape for value in graph(*examples.values())]
     axes = {name: {0: DYNAMIC} for name in (*free, *graph.meanings)}
     if isinstance(graph, patch_graph.PatchGraph):
-        model = graph.assemble(lambda part, ins, given, outs: _recorded(part, ins, given, outs, _all_free(ins, outs)))
+        model = graph.assemble(  # first axes of any length, each its own
+            lambda part, ins, given, outs: _recorded(
+                part, ins, given, outs, {name: {0: f"{name}_rows"} for name in (*ins, *outs)}
+            )
+        )
     else:
         model = _recorded(graph, list(graph.inputs), tuple(examples.values()), list(graph.meanings), axes)
     for value, shape in zip(model.graph.output, shapes, strict=True):
@@ -142,11 +145,6 @@ def _recorded(
         model = onnx.load(path)
     count_axes_from_the_front(model)
     return model
-
-
-def _all_free(*names: Sequence[str]) -> dict[str, dict[int, str]]:
-    """First axes of any length, each its own."""
-    return {name: {0: f"{name}_rows"} for name in itertools.chain(*names)}
 
 
 def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ import gzip
 import html
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -204,7 +204,8 @@ def render(page: Page) -> bytes:
         "box": None if page.box is None else [corner.tolist() for corner in page.box],
     }
     packed = base64.b64encode(gzip.compress(numbers.tobytes(), 9, mtime=0)).decode()
-    parts = {"title": html.escape(page.title), "weights": packed, "page": _script(record)}
+    text = json.dumps(record, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # which ends no element
+    parts = {"title": html.escape(page.title), "weights": packed, "page": text}
     if page.first:
         source = "data:image/webp;base64," + base64.b64encode(page.first).decode()
         parts["first"] = f'<img id="first" alt="" src="{source}">'
@@ -221,11 +222,6 @@ def write(path: Path, page: Page) -> int:
     data = render(page)
     storage.write_bytes(path, data)
     return len(data)
-
-
-def _script(record: Mapping[str, Any]) -> str:
-    """JSON inside a script element, which nothing in it can end."""
-    return json.dumps(record, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 ELEVATION = 25.0  # of the page's first camera, degrees
