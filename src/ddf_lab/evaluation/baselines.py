@@ -116,16 +116,20 @@ def mean_shape(
         both = [cloud_scores.chamfer_l2_sq(tree.dist_sq(truth), truth.dist_sq(tree)) for truth in held]
         return float(np.mean(both))
 
-    few = {shape: min(config.oracle_points, len(truths[shape].points)) for shape in train_ids}
-    alone = {shape: distance(_points(truths, shape, few[shape], config.seed)) for shape in train_ids}
+    alone = {shape: distance(_few(truths, shape, config)) for shape in train_ids}
     best = min(alone, key=lambda shape: (alone[shape], shape))
-    if distance(subset(union, few[best], config.seed, "mean")) <= alone[best]:
+    if distance(subset(union, len(_few(truths, best, config)), config.seed, "mean")) <= alone[best]:
         return clouds
     return {letter: _points(truths, best, count, config.seed) for letter, count in sizes.items()}
 
 
 def _points(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarray, "n 3"]:
     return subset(truths[shape].benchmark_points(), count, seed, shape)
+
+
+def _few(truths: Truths, shape: str, config: scoring.EvaluateConfig) -> Float[np.ndarray, "n 3"]:
+    """Those that shapes are ranked by."""
+    return _points(truths, shape, min(config.oracle_points, len(truths[shape].points)), config.seed)
 
 
 def retrieval_choice(ddf: scoring.Predictions, truths: Truths) -> dict[tuple[str, int], str]:
@@ -157,10 +161,7 @@ def oracle_choice(
     All training shapes are ranked with small clouds on both sides; the `oracle_shortlist` best are then compared in
     full.
     """
-    small = {
-        shape: _points(truths, shape, min(config.oracle_points, len(truths[shape].points)), config.seed)
-        for shape in {*train_ids, *test_ids}
-    }
+    small = {shape: _few(truths, shape, config) for shape in {*train_ids, *test_ids}}
     candidates = {shape: small[shape] for shape in train_ids}
     parallel = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))
     shortlists = parallel(

@@ -28,10 +28,8 @@ def measure(
 ) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
     """The numbers of the page, and the images of its pictures by name."""
     vae, gan = generative_models.load_vae(run.folder("train_vae")), generative_models.load_gan(run.folder("train_gan"))
-    rival, data = (
-        generative_models.load_gan_2d(run.folder("train_gan2d")),
-        (run.index, run.folder("samples"), run.category),
-    )
+    rival = generative_models.load_gan_2d(run.folder("train_gan2d"))
+    data = (run.index, run.folder("samples"), run.category)
     parts = shape_data.parts(*data, vae.config.held_out)
     pictured, _ = shape_data.read_pictured(*data)
     sampled, _ = shape_data.read_sampled(*data, 1)
@@ -84,26 +82,11 @@ def score_shapes(
     }
 
 
-def real_halves(images: category_data.ImageSet, count: int, seed: int) -> list[Float[Tensor, "_ 3 h w"]]:
-    """At most so many random images of every other shape, and of the others: no shape is in both."""
-    random = np.random.default_rng(seed)
-    halves = (random.permutation(np.flatnonzero(images.shapes % 2 == parity))[:count] for parity in (0, 1))
-    return [generative_steps.on_white(images.batch(chosen)) for chosen in halves]
-
-
-def _latents(
-    model: generative_models.ImageGAN, count: int, seed: int, shapes: str, textures: str
-) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n t"]]:
-    """Of random shapes and textures, each for its own purpose."""
-    sizes = {shapes: model.vae.latent_features, textures: model.config.texture_features}
-    drawn = [generated_images.latents(count, size, seed, purpose) for purpose, size in sizes.items()]
-    return drawn[0], drawn[1]
-
-
 @torch.no_grad()
 def generated(model: generative_models.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
     """Images of random shapes, textures and cameras, in [-1, 1]."""
-    latents, textures = _latents(model, count, seed, "scores: shapes", "scores: textures")
+    latents = generated_images.latents(count, model.vae.latent_features, seed, "scores: shapes")
+    textures = generated_images.latents(count, model.config.texture_features, seed, "scores: textures")
     random = seeding.generator(seed, "scores: cameras")
     found = []
     for field, texture in zip(generated_images.fields(model.decoder, latents), textures, strict=True):
@@ -128,9 +111,11 @@ def score_images(
 ) -> dict[str, Any]:
     """KID of models, bounds and spoiled images.
 
-    Real images are split by shape: one half is what all are compared with, the other the ceiling.
+    Real images are of every other shape, at random; the ceiling is of the others: no shape is in both.
     """
-    real, ceiling = real_halves(images, section.images, section.seed)
+    random = np.random.default_rng(section.seed)
+    halves = (random.permutation(np.flatnonzero(images.shapes % 2 == each))[: section.images] for each in (0, 1))
+    real, ceiling = (generative_steps.on_white(images.batch(chosen)) for chosen in halves)
     generator = torch.Generator().manual_seed(section.seed)
     noise = torch.rand(ceiling.shape, generator=generator) * 2 - 1
     sets = {CEILING: ceiling, **made, MEAN: real.mean(dim=0).expand_as(real), NOISE: noise}
@@ -156,7 +141,8 @@ def draw(
       images: what the critic saw. sampled: renders of the VAE's shapes. nearest: id of the learned shape nearest to
         each of the prior's samples.
     """
-    latents, textures = _latents(model, section.samples, section.seed, "samples", "textures")
+    latents = generated_images.latents(section.samples, model.vae.latent_features, section.seed, "samples")
+    textures = generated_images.latents(section.samples, model.config.texture_features, section.seed, "textures")
     fields, normals = generated_images.fields(model.decoder, latents), model.config.normals
     (camera,) = generated_images.cameras_around(1, sum(normals.elevation_deg) / 2, normals.radius)
     samples = [generated_images.look(model, f, camera, t[None]) for f, t in zip(fields, textures, strict=True)]

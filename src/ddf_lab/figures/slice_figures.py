@@ -52,11 +52,13 @@ def points(on_ground: shaded.Standing, size: int) -> picture_strips.Picture:
     """Oriented points around the shape, half of them looking at it."""
     random, away = np.random.default_rng(4), rays.evenly_spread(_POINTS)
     p = (_FROM + random.uniform(-0.15, 0.1, (_POINTS, 1))) * away
-    towards = beside.corners(on_ground.field).mean(axis=0) + random.normal(0, 0.45, p.shape) - p
+    corners = beside.corners(on_ground.field)
+    towards = corners.mean(axis=0) + random.normal(0, 0.45, p.shape) - p
     v = towards / np.linalg.norm(towards, axis=1, keepdims=True)
     depth = framed_field.query(on_ground.field, rays.OrientedPoints(p, v), ("depth",))[0]["depth"]
     seen = np.isfinite(depth)
-    drawn = drawing.Drawing.around(on_ground, _CAMERA, np.concatenate([p, p + _ARROW * v, _feet(on_ground)]), size)
+    feet = np.array([[x, corners[0, 1], z] for x in corners[:, 0] for z in corners[:, 2]])
+    drawn = drawing.Drawing.around(on_ground, _CAMERA, np.concatenate([p, p + _ARROW * v, feet]), size)
     hits = rays.surface_points(p[seen], v[seen], depth[seen])
     drawn.lines(p[seen], hits, drawing.SIGHT, 1.5)
     drawn.dots(hits, drawing.SIGHT, 3)
@@ -90,12 +92,6 @@ def slices(
     drawn.planes(levels, np.stack([low, high]), depth)
     drawn.arrows(starts, ends, drawing.MISSED, 3)
     return drawn.picture()
-
-
-def _feet(on_ground: shaded.Standing) -> Float[np.ndarray, "4 3"]:
-    """The lower corners of the box."""
-    corners = beside.corners(on_ground.field)
-    return np.array([[x, corners[0, 1], z] for x in corners[:, 0] for z in corners[:, 2]])
 
 
 def slices_section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:

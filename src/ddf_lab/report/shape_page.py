@@ -55,21 +55,22 @@ def write(run: Run, fit: fit_settings.FitConfig) -> None:
         "One seed, one shape, and not the paper's: `ddf config show paper_fit` has its sizes, losses and steps; `fit` "
         "has a small fraction of them.",
     )
+    measured = errors.set_index(["metric", "source", "type"])["value"].sort_index()
     sections = [
         _pictures_section(pictures[shape_views.SLICES]),
-        _errors_section(errors, fit),
+        _errors_section(measured, fit),
         pages.Section("Consistency", [diagnostics_table(storage.read_json(folder / shape_views.DIAGNOSTICS))]),
         _ablation_section(left_out, storage.read_json(ablated / shape_fits.RESULTS)),
         _training_section(metrics, pd.DataFrame(training_loop.read_log(folder))),
     ]
-    pages.write(pages.Page(f"A field of one shape: {run.name}", [verdict(errors), views, about], sections), run.page)
+    pages.write(pages.Page(f"A field of one shape: {run.name}", [verdict(measured), views, about], sections), run.page)
     for name, table in ((shape_fits.FIT, errors), (shape_fits.ABLATION, left_out)):
         storage.write_text(run.page / name, table.to_csv(index=False, lineterminator="\n"))
 
 
-def verdict(errors: pd.DataFrame) -> str:
+def verdict(errors: pd.Series) -> str:
     """What the held-out errors say."""
-    off = _by_type(errors, "depth_l1_x10", MEASURED)["U"] / 10 / 2  # of half the side, times 10
+    off = errors["depth_l1_x10", MEASURED, "U"] / 10 / 2  # of half the side, times 10
     if pd.isna(off):
         return "No held-out ray of type U meets the shape."
     return f"On rays from anywhere in the box (U) depth is off by {100 * off:.1f} % of its longest side in the mean."
@@ -93,27 +94,23 @@ def _pictures_section(slices: bytes) -> pages.Section:
     return pages.Section("Pictures", [picture, reading])
 
 
-def _errors_section(errors: pd.DataFrame, fit: fit_settings.FitConfig) -> pages.Section:
+def _errors_section(errors: pd.Series, fit: fit_settings.FitConfig) -> pages.Section:
     caption = (
         f"Errors on {fit.held_out:,} held-out samples of each type. Depth: mean |d - d̂| × 10 over visible samples, in "
         "units of half the box's longest side. Visibility: cross-entropy, natural logarithm. The paper's fit is to the "
         "Stanford bunny, table `dataablation`, with 500,000 samples and 100,000 steps: not comparable cell by cell."
     )
     rows = [
-        [name, where, *map(number, _by_type(errors, metric, source)[list(TYPES)])]
+        [name, where, *(number(errors[metric, source, kind]) for kind in TYPES)]
         for metric, name in METRIC_NAMES.items()
         for source, where in SOURCES.items()
     ]
     table = pages.Table(caption, ["", "", *_held_out(TYPES)], rows, labels=2)
-    median, p95 = (_by_type(errors, f"normal_angle_deg_{name}", MEASURED) for name in ("median", "p95"))
+    median, p95 = (errors[f"normal_angle_deg_{name}", MEASURED] for name in ("median", "p95"))
     kinds = [kind for kind in (*TYPES, ALL) if kind in median]  # those that have true normals, and all these together
     caption = "Angle between the field's normals and the true ones, over visible held-out samples."
     rows = [[name, *(number(own[kind], "°", 1) for kind in kinds)] for name, own in (("median", median), ("95 %", p95))]
     return pages.Section("Held-out errors", [table, pages.Table(caption, ["", *_held_out(kinds)], rows)])
-
-
-def _by_type(table: pd.DataFrame, metric: str, source: str) -> pd.Series:
-    return table[(table["metric"] == metric) & (table["source"] == source)].set_index("type")["value"]
 
 
 def _held_out(kinds: Sequence[str]) -> list[str]:
