@@ -3,10 +3,8 @@
 import runpy
 from pathlib import Path
 
-import pandas as pd
 from _fake_experiment import EVALUATE_SECTION
 
-from ddf_lab.evaluation import scoring
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,9 +30,3 @@ def markdown_tables(text):
             tables.append(rows)
             rows = []
     return tables
-
-
-def measured(folder):
-    table = pd.read_csv(folder / "si3dr.csv")
-    table = table[table["source"] == scoring.MEASURED]
-    return table.set_index(["category", "method", "column", "metric"])["value"]

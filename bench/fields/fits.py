@@ -13,7 +13,7 @@ triangles, without the caster's tree. All times are those of one core's work.
 import itertools
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -201,21 +201,14 @@ def compile_patches() -> None:
     patches(ray_casting.sphere(100), 1e-2)
 
 
-def rows_of(
-    name: str,
-    mesh: mesh_io.Mesh,
-    frame: framed_field.FramedField,
-    ways: Sequence[Way],
-    resident: Mapping[str, int] | None = None,
-) -> measuring.Rows:
-    """All ways for one mesh, their images timed in turn. frame: a field, for its cameras. resident: bytes by way."""
+def rows_of(name: str, mesh: mesh_io.Mesh, frame: framed_field.FramedField, ways: Sequence[Way]) -> measuring.Rows:
+    """All ways for one mesh, their images timed in turn. frame: a field, for its cameras."""
     scene = raycast.Scene(mesh)
     times = measuring.interleaved({way.name: way.image for way in ways}, REPEATS, clock=time.process_time)
     for way in ways:
         size = {"shape": name, "triangles": len(mesh.faces)}
         row = measuring.row(way.name, size, times[way.name], errors(way, scene, frame))
-        more = {"resident": resident[way.name]} if resident else {}
-        yield {**row, "bytes": way.size, **more, "made_in_s": way.seconds}
+        yield {**row, "bytes": way.size, "made_in_s": way.seconds}
 
 
 LINES = ("patches, 0.0003", "sine, 60 s")  # of the page

@@ -66,24 +66,6 @@ def within(mesh: mesh_io.Mesh, count: int, seed: int) -> list[np.ndarray]:
     return poses
 
 
-def hall() -> mesh_io.Mesh:
-    """A room with several shapes on its floor."""
-    parts = [showcase.room()]
-    for name, scale, place in (
-        ("armchair", 1.0, (-0.5, 0, -0.4)),
-        ("armchair", 1.2, (0.45, 0, -0.5)),
-        ("nested", 0.25, (0.5, 0, 0.4)),
-        ("rabbit", 0.35, (-0.4, 0, 0.45)),
-        ("airliner", 0.8, (0.0, 0, 0.05)),
-    ):
-        mesh = showcase.SHAPES[name]()
-        low = scale * mesh.box()[0][1]
-        parts.append(mesh_io.Mesh(scale * mesh.vertices + np.array(place) - [0, low + 0.999, 0], mesh.faces))
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = [part.faces + start for part, start in zip(parts, starts[:-1], strict=True)]
-    return mesh_io.Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
-
-
 @dataclass(frozen=True)
 class Case:
     """What cameras saw of a shape, and the rays that all are asked."""
@@ -158,9 +140,8 @@ def patches(scan: scans.Scan) -> patch_field.PatchField:
 
 def rivals(case: Case) -> Iterator[tuple[str, dict[str, Any], Callable[[], mesh_io.Mesh]]]:
     """Name, setting, and what makes the mesh."""
-    for voxel in VOXELS:
-        for truncation in TRUNCATIONS:
-            yield "TSDF", {"voxel": voxel, "truncation": truncation}, functools.partial(tsdf, case, voxel, truncation)
+    for voxel, truncation in itertools.product(VOXELS, TRUNCATIONS):
+        yield "TSDF", {"voxel": voxel, "truncation": truncation}, functools.partial(tsdf, case, voxel, truncation)
     for depth in DEPTHS:
         yield "Poisson", {"depth": depth}, functools.partial(poisson, case, depth)
 
@@ -199,9 +180,9 @@ def poisson(case: Case, depth: int) -> mesh_io.Mesh:
 def shapes() -> dict[str, tuple[mesh_io.Mesh, Callable[..., list[np.ndarray]]]]:
     """By name: the mesh in [-1, 1]³, and where its cameras stand. Synthetic objects where no others are there."""
     objects = fits.real(OBJECTS) or fits.made()
-    rooms = {"furnished room": showcase.furnished(0.5, (0, -0.5, 0)), "hall of five shapes": hall()}
     found = {name: (fit_folder.in_cube(mesh)[0], around) for name, mesh in objects.items()}
-    return found | {name: (fit_folder.in_cube(mesh)[0], within) for name, mesh in rooms.items()}
+    room = showcase.furnished(0.5, (0, -0.5, 0))
+    return found | {"furnished room": (fit_folder.in_cube(room)[0], within)}
 
 
 def main() -> measuring.Rows:

@@ -1,22 +1,15 @@
-"""Fields against what renders a mesh without one, as its triangles grow from 1,000 to 1,000,000: error, time, memory.
+"""Fields against what renders a mesh without one, as its triangles grow from 1,000 to 1,000,000: error and time.
 
 `rock` is a sphere whose radius waves at every wavelength that its triangles carry, so a finer one has finer detail;
 `hoops` are rings of 1/100 the shape's size, `cut` the rock of 10,000, each triangle cut into 64 that add nothing.
 `patches` is what `ddf fit` makes, `sine` its network after some seconds; `distances` is sphere tracing, compiled,
 through a grid of signed distances; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Times are CPU time of
-one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits. Resident
-memory of a field or grid is that of the numbers its rays read; of a mesh what a fresh process grows by when its tree is
-built.
+one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits.
 """
 
-import ctypes
 import dataclasses
 import functools
-import gc
-import multiprocessing
 import time
-from concurrent import futures
-from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -25,7 +18,7 @@ from bench.data import ray_casting
 from bench.fields import fits
 from bench.lib import measuring
 from bench.rivals import distances
-from ddf.fields.grid import octree, patch_field
+from ddf.fields.grid import octree
 from ddf.geometry import mesh_io, raycast, rays
 
 GROWING, SECONDS, SIDES = fits.GROWING, 20.0, (128, 256)
@@ -81,33 +74,6 @@ def grid(scene: raycast.Scene, side: int, points: rays.OrientedPoints) -> fits.W
     return fits.Way(f"distances, {side}", made.cast, lambda: made.cast(points), made.samples.nbytes, took)
 
 
-def patch_bytes(field: patch_field.PatchField) -> int:
-    """What rays read of patches."""
-    tree = field.tree
-    return sum(values.nbytes for values in (tree.base, tree.children, tree.patches, tree.codes))
-
-
-def tree_bytes(mesh: mesh_io.Mesh) -> int:
-    """What a fresh process grows by when it casts the mesh."""
-    with futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
-        return fresh.submit(_grown, mesh).result()
-
-
-def _grown(mesh: mesh_io.Mesh) -> int:
-    ray = np.array([[0, 0, 5, 0, 0, -1]], np.float32)
-    ray_casting.Open3D(raycast.Scene(ray_casting.sphere(1000)))(ray)  # loads the library
-    scene, before = raycast.Scene(mesh), _resident()
-    own = ray_casting.Open3D(scene)
-    own(ray)
-    return _resident() - before
-
-
-def _resident() -> int:
-    gc.collect()
-    ctypes.CDLL(None).malloc_trim(0)  # what was freed before would be taken again, unseen
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
-
-
 LINES = ("patches, 0.0003", "sine, 20 s", "distances, 128", "distances, 256", "mesh")  # of the page
 
 
@@ -125,7 +91,5 @@ def main(*, seconds: float = SECONDS) -> measuring.Rows:
         image = functools.partial(field.evaluate, starts, ways, ("visibility", "depth"))
         made = [fits.sine(mesh, seconds)] if len(mesh.faces) <= GROWING[2] else []
         made += [grid(scene, side, points) for side in SIDES]
-        resident = {way.name: way.size for way in made}
-        resident |= {"mesh": tree_bytes(mesh), patches.name: patch_bytes(field)}
         made = [dataclasses.replace(patches, image=image), *made, fits.cast(mesh, points)]
-        yield from fits.rows_of(name, mesh, field, made, resident)
+        yield from fits.rows_of(name, mesh, field, made)

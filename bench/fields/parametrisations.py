@@ -204,11 +204,7 @@ def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
     settings = section()
     loop = dataclasses.replace(settings.loop, learning_rate=DISTANCE_RATE)
     layout = siren.SineLayout(settings.field.hidden, DISTANCE_OMEGA)
-    rival = distances.DistanceConfig(layout, loop, points=DISTANCES)
-
-    def train(steps: int) -> siren.SineNetwork:
-        return distances.fit_distance(place.mesh, rival, steps)
-
+    train = functools.partial(distances.fit_distance, place.mesh, layout, loop, DISTANCES)
     steps = measuring.steps_within(train, seconds)
     network = train(steps)
 

@@ -3,8 +3,7 @@
 Cameras of 64 x 64 pixels and lidars of 16 beams and 256 columns stand around a shape, one or 64 in a call. `network` is
 the field that comes with the package, `patches` what `ddf fit` makes, `ddf mesh` the same door to the mesh itself.
 Errors are against that one: the median of the depth in percent of half the longest side; `wrong` are percents of rays
-whose hit is, or whose depth is off by more than 2 % of that. Resident memory is as in frontier; times are processor
-time.
+whose hit is, or whose depth is off by more than 2 % of that. Times are processor time.
 """
 
 import functools
@@ -17,12 +16,10 @@ import numpy as np
 
 import ddf
 from bench.data import ray_casting
-from bench.fields import fits, frontier
+from bench.fields import fits
 from bench.lib import measuring
 from ddf.api.field import Field
-from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
-from ddf.fields import shape_field
 from ddf.fields.grid import octree
 from ddf.fit import inspection
 from ddf.geometry import cameras, mesh_io, raycast, rays, sensors, transforms
@@ -50,12 +47,6 @@ def main() -> measuring.Rows:
     for name in SHAPES:
         mesh = showcase.SHAPES[name]()
         scene, patches = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)[1]
-        network = shape_field.load(shipped_models.place(name)).field
-        resident = {
-            **dict.fromkeys(("Open3D", "ddf mesh"), frontier.tree_bytes(mesh)),
-            "patches": frontier.patch_bytes(patches),
-            "network": sum(4 * each.numel() for each in network.parameters()),
-        }
         scenes = {"ddf mesh": mesh, "patches": Field(patches, lambda own=patches: own), "network": ddf.load(name)}
         for (sensor, look), count in itertools.product(SENSORS.items(), POSES):
             poses = around(mesh, AXES[sensor], count)
@@ -73,4 +64,4 @@ def main() -> measuring.Rows:
                 }
                 size = {"shape": name, "sensor": sensor, "poses": count, "rays": len(depth)}
                 row = measuring.row(way, size, seconds, error)
-                yield {**row, "million_rays_per_s": len(depth) / row["median_s"] / 1e6, "resident": resident[way]}
+                yield {**row, "million_rays_per_s": len(depth) / row["median_s"] / 1e6}

@@ -23,7 +23,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import torch
@@ -147,10 +147,6 @@ class Solver:
         cycles = cloud_projection.sample(self.decoder.field, list(modulations), POINTS, drawn, generator)
         return cloud_projection.select(cycles, [POINTS], drawn)[0].double().numpy()
 
-    def scores(self, modulations: Sequence[Tensor], place: transforms.Similarity, truth: neighbours.Neighbours) -> Any:
-        """Of the cloud of a shape at a place in v1."""
-        return cloud_scores.compare_clouds(place.apply(self.cloud(modulations)) * K, truth)
-
     def of_image(self, given: Case) -> dict[str, float]:
         """What the model makes of the image of the first view, at the true camera and scale."""
         with tempfile.TemporaryDirectory() as folder, torch.no_grad():
@@ -180,7 +176,8 @@ class Solver:
             told["angle_deg"], told["scale_percent"] = pose_error(found.scan_from_field, given.place)
         else:
             told |= self.coverage(found, given, rng)
-        return told | _told(self.scores(found.modulations, found.scan_from_field, given.truth))
+        cloud = found.scan_from_field.apply(self.cloud(found.modulations)) * K
+        return told | _told(cloud_scores.compare_clouds(cloud, given.truth))
 
     def coverage(self, found: completion.Completed, given: Case, rng: np.random.Generator) -> dict[str, float]:
         """Share of true ranges of another view in their intervals, and how wide these are."""

@@ -96,20 +96,7 @@ def trace(
     return depth, queries
 
 
-@dataclass(frozen=True)
-class DistanceConfig:
-    """A signed-distance network and its training.
-
-    points: drawn, half of them near the surface (normal distances of `spreads`), half uniform in the box; batch: of
-    them in a step. eikonal: weight of (‖∇f‖ - 1)² beside |f - truth|.
-    """
-
-    layout: siren.SineLayout
-    loop: loop_config.LoopConfig
-    points: int = 400_000
-    batch: int = 4096
-    spreads: tuple[float, ...] = (0.005, 0.05)
-    eikonal: float = 0.05
+BATCH, SPREADS, EIKONAL = 4096, (0.005, 0.05), 0.05  # points of a step; about the surface; weight of (‖∇f‖ - 1)²
 
 
 def signed_distances(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
@@ -117,28 +104,28 @@ def signed_distances(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> 
     return scene.distance(points) * np.where(scene.outside(points), 1.0, -1.0)
 
 
-def fit_distance(mesh: Mesh, config: DistanceConfig, steps: int) -> siren.SineNetwork:
-    """A network for f of a closed mesh."""
-    training_loop.prepare(config.loop)
-    random = seeding.generator(config.loop.seed, "sphere_tracing")
-    lower, upper = mesh.box()
-    near, _ = Surface.of(mesh).draw(config.points // 2, random)
-    spread = np.resize(config.spreads, len(near))[:, None]
-    near = near + spread * random.standard_normal(near.shape)
-    drawn = np.concatenate([near, random.uniform(lower, upper, (config.points - len(near), 3))])
+def fit_distance(
+    mesh: Mesh, layout: siren.SineLayout, loop: loop_config.LoopConfig, count: int, steps: int
+) -> siren.SineNetwork:
+    """A network for f of a closed mesh by so many points, half of them near the surface, half uniform in the box."""
+    training_loop.prepare(loop)
+    random = seeding.generator(loop.seed, "sphere_tracing")
+    near, _ = Surface.of(mesh).draw(count // 2, random)
+    near = near + np.resize(SPREADS, len(near))[:, None] * random.standard_normal(near.shape)
+    drawn = np.concatenate([near, random.uniform(*mesh.box(), (count - len(near), 3))])
     truth = torch.from_numpy(signed_distances(raycast.Scene(mesh), drawn)).float()
     points = torch.from_numpy(drawn).float()
-    network = siren.SineNetwork(3, config.layout, 1)
+    network = siren.SineNetwork(3, layout, 1)
 
     def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        rows = torch.from_numpy(np.random.default_rng((config.loop.seed, step)).integers(0, len(points), config.batch))
+        rows = torch.from_numpy(np.random.default_rng((loop.seed, step)).integers(0, len(points), BATCH))
         found = derivatives.trace(network, points[rows])
         gradient = derivatives.adjoint(network, found.slopes, torch.ones(len(rows), 1))
         error = (found.outputs.squeeze(-1) - truth[rows]).abs().mean()
         eikonal = (gradient.norm(dim=-1) - 1).square().mean()
-        return error + config.eikonal * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
+        return error + EIKONAL * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
 
-    return trained(network, loss, steps, config.loop, "signed distance")
+    return trained(network, loss, steps, loop, "signed distance")
 
 
 LEAST, MOST_STEPS = 0.25, 1024  # of a voxel, a step; steps of a ray

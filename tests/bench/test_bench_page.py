@@ -3,7 +3,6 @@
 import pytest
 
 from bench.lib import measuring, page
-from ddf.core import checks
 from ddf_lab.report import pages
 
 
@@ -32,8 +31,3 @@ def test_page_of_many_rows_shows_the_first_or_those_that_its_module_names(tmp_pa
     measuring.write("fits", 1, [*_rows(3, "sine, 60 s"), *_rows(page.MOST_ROWS)])
     text = pages.markdown(page.page(tmp_path))
     assert text.count("| sine, 60 s |") == 3 and f"3 of {page.MOST_ROWS + 3} lines; all: [fits.json]" in text
-
-
-def test_a_folder_without_results_is_told(tmp_path):
-    with pytest.raises(checks.InputError, match="holds no results"):
-        page.page(tmp_path)

@@ -49,8 +49,3 @@ def test_recipes_get_the_root_of_data_as_it_was_given(tmp_path, given):
     (tmp_path / "Makefile").write_text(f"include {ROOT / 'Makefile'}\nshown:\n\t@env\n")
     shown = subprocess.run(["make", "shown", f"DATA={given}"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert f"DATA={given}" in shown.stdout.splitlines()
-
-
-def test_continuous_integration_runs_the_test_command_of_the_readme():
-    assert "make test" in (ROOT / "README.md").read_text()
-    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == "exec make test"

@@ -75,8 +75,12 @@ class Measured:
             for row in rows
         }
         self.open = path.with_name("per_image.csv").is_file()  # or no claim can be recomputed
-        found = bold(self.page) if self.open else set()
-        self.claims = {(category.removeprefix(f"{group} "), *rest) for category, *rest in found}
+        printed = next(_recomputed.tables(self.page)) if self.open else {}
+        self.claims = {
+            (category.removeprefix(f"{group} "), method, column, METRICS[LABELS[metric]][0])
+            for (category, method, column, metric), value in printed.items()
+            if value.startswith("**")
+        }
 
     def value(self, *key: str) -> float:
         return float(self.rows[key]["value"])
@@ -85,26 +89,6 @@ class Measured:
         """The mean, ± the deviation over seeds where there are several."""
         row, value = self.rows[key], f"{self.value(*key):.{digits}f}"
         return f"{value} ± {float(row['spread']):.{digits}f}" if spread and float(row["seeds"]) > 1 else value
-
-
-def bold(report: str) -> set[tuple[str, ...]]:
-    """Category, method, column and metric of the cells of both models that the report's tables set in bold."""
-    found, category = set(), ""
-    for table in (block for block in report.split("\n\n") if block.startswith("|  | camera, points |")):
-        header, _, *lines = (
-            [cell.strip() for cell in line.strip("|").split(" | ")] for line in table.strip().splitlines()
-        )
-        keys = [name.rpartition(" ") for name in header[2:]]
-        for first, label, *values in lines:
-            category = first or category
-            camera, _, size = label.partition("-")
-            column = {"Π<sub>g</sub>": "Pi_g", "Π̂<sub>∇</sub>": "Pi_corrected", "Π̂": "Pi_pred"}[camera] + f"-{size}"
-            found |= {
-                (category, MODELS[method], column, METRICS[LABELS.get(metric, metric.removesuffix(" ↑"))][0])
-                for (metric, _, method), value in zip(keys, values, strict=True)
-                if value.startswith("**") and method in MODELS
-            }
-    return found
 
 
 def plain_pairs(measured: Measured, rows: Rows) -> Rows:

@@ -15,7 +15,6 @@ from ddf.core import config
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-LANGUAGES = {"sh", "python", "text", "yaml", "bibtex"}
 MAKEFILE = (ROOT / "Makefile").read_text()
 
 # Lines of shell that are only parsed, with what runs them elsewhere or keeps them from running.
@@ -53,15 +52,6 @@ def lines(page: Path) -> list[str]:
 
 def not_run(line: str, table: dict[str, str]) -> bool:
     return any(re.search(pattern, line) for pattern in table)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_blocks_say_their_language_and_none_is_indented(page):
-    text = page.read_text()
-    assert text.count("```") % 2 == 0
-    assert set(re.findall(r"(?m)^```(\w*)$", text)[::2]) <= LANGUAGES
-    outside = re.sub(r"(?ms)^```.*?^```$", "", text)
-    assert not re.search(r"(?m)^    (ddf|make|python|pip) ", outside)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -87,9 +87,6 @@ def prepare(
     if not train_ids:
         raise checks.InputError("no training shape has a ground-truth cloud; the baselines need one")
     test_ids = list(scoring.views_by_shape(ddf.images))
-    absent = [shape for shape in test_ids if shape not in truths]
-    if absent:
-        raise checks.InputError(f"{ddf.path}: shape {absent[0]} has no ground-truth cloud ({len(absent)} such shapes)")
     mean = mean_shape(truths, train_ids, held, sizes, config)
     oracle = oracle_choice(test_ids, train_ids, truths, sizes["L"], config, jobs)
     return Baselines(truths, sizes, config.seed, retrieval_choice(ddf, truths), mean, oracle)
@@ -134,13 +131,8 @@ def _few(truths: Truths, shape: str, config: scoring.EvaluateConfig) -> Float[np
 
 def retrieval_choice(ddf: scoring.Predictions, truths: Truths) -> dict[tuple[str, int], str]:
     """For every test image the shape of the training image whose encoder feature is nearest (Euclidean)."""
-    for name in ("features", "train_features"):
-        if name not in ddf.tensors:
-            raise checks.InputError(f"{ddf.path}: has no {name!r}; run the point cloud stage again")
     shapes = np.array([str(image["id"]) for image in ddf.metadata["train_images"]])
     usable = np.array([shape in truths for shape in shapes], dtype=bool)
-    if not usable.any():
-        raise checks.InputError(f"{ddf.path}: no training image has a ground-truth cloud")
     train = ddf.tensors["train_features"][usable].astype(np.float64)
     choice = {}
     for image, feature in zip(ddf.images, ddf.tensors["features"].astype(np.float64), strict=True):

@@ -18,7 +18,7 @@ import pandas as pd
 import torch
 from jaxtyping import Float
 
-from ddf.core import checks, schema, storage
+from ddf.core import schema, storage
 from ddf.core.schema import fixed, setting
 from ddf.data import packing
 from ddf.geometry import cameras, neighbours, transforms
@@ -80,21 +80,9 @@ def _extrinsics(camera: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3 3"
 
 
 def load_predictions(path: Path | str) -> Predictions:
-    """Read the clouds of one model and category, and check that all parts speak of the same images."""
+    """The clouds of one model and category."""
     tensors, metadata = storage.load_tensors(path)
-    needed = ("camera_true", "camera_pred", "scale_true", "centre_true", "scale_pred")  # clouds: see `columns`
-    missing = [name for name in needed if name not in tensors] + ([] if "images" in metadata else ["images"])
-    if missing:
-        raise checks.InputError(f"{path}: has no {missing[0]!r}; run the point cloud stage again")
     images = [(str(image["id"]), int(image["view"])) for image in metadata["images"]]
-    others = ("train_features", three_views.CLOUDS)
-    per_image = [name for name in tensors if not name.startswith("render.") and name not in others]
-    for name in per_image:
-        if len(tensors[name]) != len(images):
-            raise checks.InputError(f"{path}: {name} has {len(tensors[name])} rows for {len(images)} images")
-        if not np.isfinite(tensors[name]).all():
-            bad = images[int(np.argwhere(~np.isfinite(tensors[name]))[0][0])]
-            raise checks.InputError(f"{path}: {name} of image {bad[0]} view {bad[1]:02d} is not finite")
     return Predictions(Path(path), images, tensors, metadata)
 
 
@@ -131,10 +119,7 @@ def columns(
 
 def _cycles(ddf: Predictions) -> list[int]:
     """The numbers of cycles N_H for which there are clouds, ascending."""
-    cycles = sorted(int(name.partition(".h")[2]) for name in ddf.tensors if name.startswith("L.h"))
-    if not cycles:
-        raise checks.InputError(f"{ddf.path}: has no cloud 'L.h<cycles>'; run the point cloud stage again")
-    return cycles
+    return sorted(int(name.partition(".h")[2]) for name in ddf.tensors if name.startswith("L.h"))
 
 
 def large_cloud(ddf: Predictions) -> str:

@@ -42,26 +42,6 @@ def number(value: float | None, digits: int) -> str:
     return NOTHING if value is None or pd.isna(value) else f"{value:.{digits}f}"
 
 
-class Scores:
-    """Look-up of the long table by category, method, column and metric, per source."""
-
-    def __init__(self, table: pd.DataFrame, source: str = scoring.MEASURED) -> None:
-        chosen = table[(table["source"] == source) & table["value"].notna()]
-        keys = ["category", "method", "column", "metric"]
-        self.rows = {tuple(row[key] for key in keys): row for row in chosen.to_dict("records")}
-
-    def text(self, category: str, head: Head, metric: str, digits: int | None = None, spread: bool = False) -> str:
-        """The number as printed, with `spread` as `mean ± standard deviation` where it is a mean over seeds; a dash
-        where there is none.
-        """
-        row = self.rows.get((category, *head, metric))
-        if row is None:
-            return NOTHING
-        digits = METRICS[metric].digits if digits is None else digits
-        value = f"{float(row['value']):.{digits}f}"
-        return f"{value} ± {float(row['spread']):.{digits}f}" if spread and row["seeds"] > 1 else value
-
-
 def images_note(results: Results) -> str:
     """How many images the numbers of a table are of, one sentence."""
     rows = results.per_image[(results.per_image["method"] == scoring.DDF) & (results.per_image["column"] == "Pi_g-L")]
@@ -97,11 +77,13 @@ def table(
     Returns:
       None where the source has no number of these.
     """
-    found, rows = Scores(results.table, source), list[list[Cell | str]]()
+    table, keys = results.table, ("category", "method", "column", "metric")
+    chosen = table[(table["source"] == source) & table["value"].notna()].to_dict("records")
+    found, rows = {tuple(row[key] for key in keys): row for row in chosen}, list[list[Cell | str]]()
 
     def among(category: str, line: Line, metric: str) -> list[Head]:
         heads = [head for head, its, _ in line.cells if its == metric] if rivals is None else rivals
-        there = [head for head in heads if (category, *head, metric) in found.rows and claims.may_claim(head, metric)]
+        there = [head for head in heads if (category, *head, metric) in found and claims.may_claim(head, metric)]
         return there if source == scoring.MEASURED else []
 
     better = claims.better(
@@ -115,13 +97,17 @@ def table(
     )
 
     def cell(category: str, line: Line, head: Head, metric: str, digits: int | None) -> Cell:
-        heads = among(category, line, metric)
-        text = found.text(category, head, metric, digits, spread and head[1].endswith("L"))
+        heads, row = among(category, line, metric), found.get((category, *head, metric))
+        text, digits = NOTHING, METRICS[metric].digits if digits is None else digits
+        if row:
+            text = f"{float(row['value']):.{digits}f}"
+            if spread and head[1].endswith("L") and row["seeds"] > 1:
+                text += f" ± {float(row['spread']):.{digits}f}"
         beaten = [(category, head, other, metric) in better for other in heads if other != head]
         return Cell(text, head in heads and bool(beaten) and all(beaten))
 
     for category in categories:
-        if any((category, *head, metric) in found.rows for line in lines for head, metric, _ in line.cells):
+        if any((category, *head, metric) in found for line in lines for head, metric, _ in line.cells):
             for number, line in enumerate(lines):
                 cells = (cell(category, line, *each) for each in line.cells)
                 rows.append(["" if number else category, line.label, *cells])

@@ -1,6 +1,5 @@
 """What the package's models call none of their kind, of shapes that they have not seen."""
 
-import numpy as np
 import pytest
 import torch
 
@@ -24,8 +23,3 @@ def test_a_model_tells_its_kind_from_another(tmp_path, kind, other):
             found.append(other_kinds._features(trained, folder))
         far[category] = (trained.statistics.score(torch.cat(found)) >= out_of_distribution.FAR).mean()
     assert far[kind] <= 0.25 and far[other] >= 0.75
-
-
-def test_rates_name_the_models_kind_first():
-    tested = [("car", np.array([0.1, 0.97])), ("bed", np.array([0.99])), ("car", np.array([0.2, 0.3]))]
-    assert "calls no car: 25% of 4 cars, 100% of 1 beds," in other_kinds._rates("car", tested)

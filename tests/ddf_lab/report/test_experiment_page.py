@@ -21,18 +21,6 @@ def test_every_file_and_category_is_there_and_linked(reported):
     assert max(len(rows[0]) for rows in markdown_tables(text)) <= pages.MAX_COLUMNS
 
 
-def test_paper_numbers_are_told_apart(reported):
-    table = pd.read_csv(reported[2] / "si3dr.csv")
-    assert set(table["source"]) == {"measured", "paper, ShapeNet"}
-    assert table[table["source"] != "measured"]["images"].isna().all()
-    assert (table[table["source"] == "measured"]["images"] > 0).all()
-    text = (reported[2] / "README.md").read_text()
-    blocks = text.split("\n\n")
-    (place,) = (place for place, block in enumerate(blocks) if "| 62.25 |" in block)
-    assert blocks[place + 1].startswith("*The paper's numbers")
-    assert "3 shapes were left out" in text and "`plane99` (meshes): no triangles left" in text
-
-
 def test_second_writing_gives_the_same_bytes(reported):
     _, run, folder = reported
     before = {path.name: path.read_bytes() for path in folder.iterdir()}

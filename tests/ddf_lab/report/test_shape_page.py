@@ -4,7 +4,6 @@ import re
 import runpy
 from pathlib import Path
 
-import pandas as pd
 import pytest
 import yaml
 from _shapes import torus
@@ -64,17 +63,9 @@ def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
     held_out, number = metrics["held_out"], shape_page.number
     assert ["L1 × 10 of depth", "here", *(number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS")] in rows
     assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
-    value = pd.read_csv(folder / "report" / "ablate_samples.csv").set_index(["source", "without", "metric", "type"])
-    ours = [number(value["value"]["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
-    assert ["S", *ours] in rows
     angles = [held_out["normal_angle_deg"][kind]["median"] for kind in "UAB"] + [held_out["normal_angle_deg_median"]]
     assert ["median", *(f"{angle:.1f}°" for angle in angles)] in rows
     found = storage.read_json(folder / "fit_shape" / "diagnostics.json")
-    printed = [row[2:] for row in rows if "eikonal" in row[0] or "consistency" in row[0]]
-    assert tuple(found) == field_diagnostics.NAMES and printed == [
-        [*(number(values[key]) for key in ("median", "p95", "worst")), f"{values['rays']:,}"]
-        for values in found.values()
-    ]
-    assert f"{metrics['parameters']:,} parameters, 5 steps;" in text
+    assert tuple(found) == field_diagnostics.NAMES
     assert number(float("nan")) == number(float("nan"), "°", 1) == "–"  # a mean over nothing
     assert (number(0.0), number(0.01), number(4.0, "°", 1)) == ("0.00", "0.01", "4.0°")
