@@ -23,10 +23,8 @@ def owned(out_dir: Path) -> contextlib.AbstractContextManager[int]:
 
 
 def plan_of(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
-    """What an earlier run of the same fit wrote in the folder; of a new one, its mesh and who it is.
-
-    Raises:
-      InputError: the folder holds the field of another mesh or another model, and `force` does not say to replace it.
+    """What an earlier run of the same fit wrote in the folder; of a new one, its mesh and who it is. InputError
+    where the folder holds the field of another mesh or another model, and `force` does not say to replace it.
     """
     path = out_dir / PLAN
     plan = storage.read_json(path) if path.exists() else {}

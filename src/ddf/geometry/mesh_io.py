@@ -45,10 +45,8 @@ class Mesh:
     """Vertices (float64) and triangles (indices into them), in one frame.
 
     remarks: what the reader of its file left out or could not take as it was, one line each. colours (sRGB) and unit
-    normals of the vertices: PLY and GLB files keep them when they are written.
-
-    Raises:
-      InputError: a coordinate is not finite, or an index points at no vertex.
+    normals of the vertices: PLY and GLB files keep them when they are written. InputError where a coordinate is not
+    finite, or an index points at no vertex.
     """
 
     vertices: Float[np.ndarray, "n 3"]

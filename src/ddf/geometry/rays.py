@@ -28,10 +28,8 @@ _FEW, _GROWTH = 64 << 20, 16  # bytes as float64, and those for a byte of the fi
 
 @dataclass(frozen=True)
 class OrientedPoints(Generic[Array]):
-    """Positions p and unit directions v in one frame, stated by whoever makes them.
-
-    Raises:
-      InputError: shapes differ, a value is not finite, or a direction is not of unit length.
+    """Positions p and unit directions v in one frame, stated by whoever makes them; InputError where shapes differ, a
+    value is not finite, or a direction is not of unit length.
     """
 
     positions: Float[Array, "*batch 3"]
@@ -107,9 +105,8 @@ def enter_box(
 ) -> tuple[Float[Array, "*batch 3"], Float[Array, "*batch"], Bool[Array, "*batch"]]:
     """Move every ray's start to where it enters the box. Source: [DDF22] §3.2 (rendering from outside B).
 
-    Returns:
-      Entry points (clamped onto the box, so that far cameras leave no rounding outside it; the start itself
-      where the ray misses), the distance travelled (0 inside, and 0 on a miss) and whether the ray meets the box.
+    Entry points (clamped onto the box, so that far cameras leave no rounding outside it; the start itself where the ray
+    misses), the distance travelled (0 inside, and 0 on a miss) and whether the ray meets the box.
     """
     xp = arrays.namespace(positions)
     entry, leave = box_span(positions, directions, lower, upper)

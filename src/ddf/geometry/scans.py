@@ -45,10 +45,8 @@ class Scan:
     """Rays and how far each went before it met something: `inf` where it met nothing.
 
     remarks: what of a file is left out or doubtful, one line each. of_camera: whether the frame is that of the camera
-    that took it, X right, Y down, Z ahead.
-
-    Raises:
-      InputError: shapes differ, a value is no number, a direction is not of unit length, a range is not above 0.
+    that took it, X right, Y down, Z ahead. InputError where shapes differ, a value is no number, a direction is not of
+    unit length, a range is not above 0.
     """
 
     positions: Float[np.ndarray, "_ 3"]

@@ -19,10 +19,8 @@ BENCHMARK_FROM_V1 = 0.57  # 1/1.75 rounded; published numbers are in these units
 
 @dataclass(frozen=True)
 class Similarity:
-    """y = scale R x + translation.
-
-    Raises:
-      InputError: the scale is not positive and finite, or the rotation is not orthonormal with determinant 1.
+    """y = scale R x + translation; InputError where the scale is not positive and finite, or the rotation is not
+    orthonormal with determinant 1.
     """
 
     scale: float = 1.0

@@ -91,10 +91,8 @@ class Target:
 
 
 def read_xml(blocks: Iterator[bytes], target: Target) -> Any:
-    """Tell a target of all that stands in an XML text; what it makes of that.
-
-    Raises:
-      InputError: no XML, cut short, more than 128 MiB of it, or more elements, line ends or attributes than are read.
+    """Tell a target of all that stands in an XML text; what it makes of that. InputError of what is no XML, cut short,
+    more than 128 MiB, or has more elements, line ends or attributes than are read.
     """
     parser = ElementTree.XMLParser(target=target)
     total = marks = attributes = 0
