@@ -187,35 +187,28 @@ def _parameter(parameter: inspect.Parameter) -> Parameter:
 
 def _add(parser: Any, parameter: Parameter, text: str) -> None:
     name, kind, default, is_option, arg = parameter
-    how: dict[str, Any] = {"dest": name} if is_option else {}
-    if default not in (None, False, inspect.Parameter.empty, [], ()) and "default" not in text:
-        value = (
-            f"{default:g}" if isinstance(default, float) else ",".join(default) if type(default) is tuple else default
-        )
+    is_required = default is inspect.Parameter.empty
+    if not (is_required or default in (None, False, [], ()) or "default" in text):
+        value = ",".join(default) if type(default) is tuple else f"{default:g}" if type(default) is float else default
         text = f"{text} (default {value})"
     if arg.writes == "folder":
         text = f"folder, made if needed; {text}"
-    how["help"] = text.strip().replace("%", "%%")
-    if default is not inspect.Parameter.empty:
+    how: dict[str, Any] = {"help": text.strip().replace("%", "%%")}
+    if not is_required:
         how["default"] = default
-    elif is_option:
-        how["required"] = True
     if kind is bool:
         how["action"] = "store_true"
     else:
+        how["nargs"] = arg.nargs
         if typing.get_origin(kind) is list:
             (kind,) = typing.get_args(kind)
-            if arg.action != "append":
-                how["nargs"] = "+"
+            how["nargs"] = None if arg.action == "append" else arg.nargs or "+"
         if typing.get_origin(kind) is Literal:
             how["choices"] = typing.get_args(kind)
             kind = type(how["choices"][0])
-        how |= {"type": arg.parse or kind, "metavar": arg.metavar}
-        if arg.nargs:
-            how["nargs"] = arg.nargs
-        if arg.action:
-            how["action"] = arg.action
+        how |= {"type": arg.parse or kind, "metavar": arg.metavar, "action": arg.action or "store"}
     if is_option:
-        parser.add_argument(*(arg.flags or [f"--{name.replace('_', '-')}"]), **how)
+        flags = arg.flags or (f"--{name.replace('_', '-')}",)
+        parser.add_argument(*flags, dest=name, required=is_required, **how)
     else:
         parser.add_argument(name, **how)
