@@ -1,10 +1,10 @@
-"""The commands of `ddf` that need a checkout: `run` and `info`, and `config show` of experiments too."""
+"""The commands of `ddf` that need a checkout: `run` and `info`."""
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from ddf.cli import arguments, experiments
+from ddf.cli import arguments
 from ddf.cli.declare import Arg, command
 
 _CORES = len(os.sched_getaffinity(0))
@@ -44,27 +44,6 @@ def run(
 
     out = runner.run(config, changes, stage, seeds, jobs, data or None, launch).as_posix()
     return {"out": out, "table": [], "verdict": out}
-
-
-@command("experiment")
-def config(action: Literal["show"], name: Annotated[str, Arg("NAME")]) -> dict[str, Any]:
-    """Every setting of an experiment or a fit, with its unit, its reason and the paper's place.
-
-    A file of one's own has `base: long_fit` and what differs.
-
-    Args:
-      action: print it as a file with all settings, which says the same.
-      name: a file, or the name of one: fit, simple_fit, long_fit, paper_fit, or of an experiment in configs/.
-
-    Examples:
-      ddf config show long_fit
-      ddf config show cpu
-      ddf config show paper --json
-    """
-    from ddf_lab.run import Run
-
-    experiment = Run.read(name)
-    return experiments.settings_of(experiment.file, experiment.sections())
 
 
 @command("experiment")

@@ -13,6 +13,6 @@ from ddf.cli import declare, doctor, experiments, fields, meshes, models, shapes
 ROOMS = {"mesh": "meshes and clouds", "field": "fields", "model": "trained models", "experiment": "experiments"}
 IN_A_CHECKOUT = ("run", "info")  # those that `ddf_lab` brings
 _MODULES = [meshes, shapes, fields, views, models, experiments, doctor]
-if importlib.util.find_spec("ddf_lab"):  # its `config` knows experiments too
+if importlib.util.find_spec("ddf_lab"):
     _MODULES.append(importlib.import_module("ddf_lab.commands"))
 COMMANDS: dict[str, declare.Command] = {each.name: each for module in _MODULES for each in declare.found_in(module)}

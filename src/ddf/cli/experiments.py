@@ -1,6 +1,8 @@
 """Commands about experiments that need no checkout: their settings, and the lists of their shapes."""
 
 import dataclasses
+import importlib
+import importlib.util
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,30 +15,27 @@ _WIDTH = 24  # of a value, from where on comments stand in a column
 
 @command("experiment")
 def config(action: Literal["show"], name: Annotated[str, Arg("NAME")]) -> dict[str, Any]:
-    """Every setting of a fit, with its unit, its reason and the paper's place.
+    """Every setting of an experiment or a fit, with its unit, its reason and the paper's place.
 
     A file of one's own has `base: long_fit` and what differs.
 
     Args:
       action: print it as a file with all settings, which says the same.
-      name: a file, or the name of one: fit, simple_fit, long_fit, paper_fit.
+      name: a file, or the name of one: fit, simple_fit, long_fit, paper_fit, or of an experiment in configs/.
 
     Examples:
       ddf config show long_fit
       ddf config show paper_fit --json
     """
     from ddf.core import config as config_files
+    from ddf.core import schema
     from ddf.fit import fit_settings
 
     file = config_files.found_file(name)
-    return settings_of(file, {"fit": config_files.load(file, "fit", fit_settings.FitConfig)})
-
-
-def settings_of(file: Path, sections: Mapping[str, Any]) -> dict[str, Any]:
-    """The sections as JSON and as the text of a file, and what in them is not the default."""
-    from ddf.core import config as config_files
-    from ddf.core import schema
-
+    if importlib.util.find_spec("ddf_lab"):  # which knows all sections
+        sections = importlib.import_module("ddf_lab.run").Run.read(file).sections()
+    else:
+        sections = {"fit": config_files.load(file, "fit", fit_settings.FitConfig)}
     every = [each for name, section in sections.items() for each in schema.listed(section, name)]
     changed = [each for each in every if each.value != each.default and not dataclasses.is_dataclass(each.value)]
     count = sum(not dataclasses.is_dataclass(each.value) for each in every)
