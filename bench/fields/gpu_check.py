@@ -7,7 +7,7 @@ field are against the CPU in float64.
 import copy
 import dataclasses
 import functools
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import torch
@@ -31,8 +31,7 @@ SECTIONS: dict[str, Section] = {
     "pcsiren": reconstruction_settings.PCSirenConfig(),
 }
 FIELDS = {"paper's widths": TRAIN.decoder.hidden, "4 x 192": (192,) * 4}
-Precision = Literal["float32", "tf32"]
-PRECISIONS: tuple[Precision, ...] = get_args(Precision)
+PRECISIONS: tuple[Literal["float32", "tf32"], ...] = ("float32", "tf32")
 REPEATS, RAYS, CHECKED = 8, 2**20, 8192  # CHECKED: rays whose error is taken
 STORED, CLOUD_POINTS = 20_000, 8_000  # random samples of a shape and type, and points of its cloud
 
@@ -79,21 +78,18 @@ def step_rows(name: str) -> measuring.Rows:
         model, loss, loop = trial(train, SECTIONS[name])
         optimiser = optimisers.Optimiser(model, model.parameter_groups(), loop)
         torch.cuda.reset_peak_memory_stats()
-
-        def step(
-            model: torch.nn.Module = model,
-            loss: training_loop.StepLoss = loss,
-            optimiser: optimisers.Optimiser = optimiser,
-        ) -> None:
-            model.zero_grad()
-            loss(0)[0].backward()
-            optimiser.step()
-            torch.cuda.synchronize()
-
+        step = functools.partial(_step, model, loss, optimiser)
         (seconds,) = measuring.interleaved({name: step}, REPEATS).values()
         size = {"gpu": torch.cuda.get_device_name(), "images": TRAIN.batch_size}
         size["peak_gib"] = round(torch.cuda.max_memory_allocated() / 2**30, 2)
         yield measuring.row(f"{name} step, {precision}", size, seconds, {})
+
+
+def _step(model: torch.nn.Module, loss: training_loop.StepLoss, optimiser: optimisers.Optimiser) -> None:
+    model.zero_grad()
+    loss(0)[0].backward()
+    optimiser.step()
+    torch.cuda.synchronize()
 
 
 def field_rows(name: str) -> measuring.Rows:
@@ -104,13 +100,9 @@ def field_rows(name: str) -> measuring.Rows:
     exact = _answer(copy.deepcopy(field).double(), *random_rays(CHECKED, torch.float64, "cpu"))
     for precision in PRECISIONS:
         torch.set_float32_matmul_precision("high" if precision == "tf32" else "highest")
-        own, rays = copy.deepcopy(field).to("cuda"), random_rays(RAYS, torch.float32, "cuda")
-
-        def answer(own: pddf.PDDF = own, rays: tuple[Tensor, Tensor] = rays) -> None:
-            _answer(own, *rays)
-            torch.cuda.synchronize()
-
-        (seconds,) = measuring.interleaved({name: answer}, REPEATS).values()
+        own = copy.deepcopy(field).to("cuda")
+        ask = functools.partial(_answer, own, *random_rays(RAYS, torch.float32, "cuda"))
+        (seconds,) = measuring.interleaved({name: ask}, REPEATS).values()
         found = _answer(own, *random_rays(CHECKED, torch.float32, "cuda"))
         off = [(a.cpu().double() - b).abs() for a, b in zip(found, exact, strict=True)]
         error = {"visibility_mean": float(off[0].mean()), "depth_median": float(off[1].median())}
@@ -122,7 +114,9 @@ def field_rows(name: str) -> measuring.Rows:
 @torch.inference_mode()
 def _answer(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
     raw = field(positions, directions, None)
-    return pddf.visibility(raw), field.depth(raw)
+    found = pddf.visibility(raw), field.depth(raw)
+    torch.cuda.synchronize()
+    return found
 
 
 def random_rays(count: int, dtype: torch.dtype, device: str) -> tuple[Tensor, Tensor]:

@@ -15,7 +15,6 @@ import functools
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,21 +41,14 @@ LINES = ("patches, 0.0003", "patches, 0.0001", "sine, 40 s", "distances, 128", "
 Depths = Callable[[rays.OrientedPoints], tuple[np.ndarray, object]]
 
 
-class Seen(NamedTuple):
-    """What a view sees of the mesh: points, and their normals to the camera."""
-
-    points: np.ndarray
-    normals: np.ndarray
-
-
-def view(scene: raycast.Scene, index: int, size: int) -> Seen:
-    """One of the ring of `VIEWS`, by the lens of `cameras`: 49 degrees, for their 50."""
+def view(scene: raycast.Scene, index: int, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and normals that one of the ring of `VIEWS` sees, by the lens of `cameras`: 49 degrees, for their 50."""
     turn, tilt = 2 * np.pi * index / VIEWS, np.radians(ELEVATION)
     stand = np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])
     starts, ways = scene_field.LookAt(RADIUS * stand, np.zeros(3)).rays(size)
     found = raycast.cast(scene, rays.OrientedPoints(starts, ways))
     hit = found.visible
-    return Seen(rays.surface_points(starts[hit], ways[hit], found.depth[hit]), found.normals[hit])
+    return rays.surface_points(starts[hit], ways[hit], found.depth[hit]), found.normals[hit]
 
 
 def secondary(normals: np.ndarray, random: np.random.Generator) -> np.ndarray:

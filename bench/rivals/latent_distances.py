@@ -65,14 +65,10 @@ class LatentDistances(nn.Module):
 
 
 def outside(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-    """Whether rays escape in two directions, of which most points need the first few alone."""
-    ways, starts = rays.evenly_spread(WAYS), scene.local(points)
-    escaped = np.zeros(len(points), int)
-    for block in (ways[::4], ways[1::4], ways[2::4], ways[3::4]):
-        left = np.flatnonzero(escaped < 2)
-        blocked = scene.blocked_local(np.repeat(starts[left], len(block), axis=0), np.tile(block, (len(left), 1)))
-        escaped[left] += (~blocked).reshape(-1, len(block)).sum(axis=1)
-    return escaped >= 2
+    """Whether rays escape in two directions."""
+    starts = np.repeat(scene.local(points), WAYS, axis=0)
+    blocked = scene.blocked_local(starts, np.tile(rays.evenly_spread(WAYS), (len(points), 1)))
+    return (~blocked).reshape(-1, WAYS).sum(axis=1) >= 2
 
 
 def drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 4"]:
