@@ -1,7 +1,7 @@
 """COLLADA 1.4 and 1.5 (DAE): the triangles of the scene, transforms and instances applied, coordinates as written.
 
-Our own reader: trimesh passes over what pycollada does not know without a word, and fans concave polygons. Neither the
-unit nor the up axis of the file is applied, as no other format's is: a remark names an up axis other than Y.
+Our own reader: trimesh passes over faults and skins without a word, fans concave polygons and reads float32. Neither
+the unit nor the up axis of the file is applied, as no other format's is: a remark names an up axis other than Y.
 """
 
 import math

@@ -1,6 +1,6 @@
 """3MF: a ZIP file of XML parts; the objects that the build lists, components and transforms applied, as written.
 
-Our own reader: trimesh stops at the first bad number without a word, and unpacks archives of any size into memory.
+Our own reader: trimesh reads the meshes of a part twice, volumes of slicers that are none, and archives of any size.
 Coordinates are the file's (millimetres unless it says another unit); an object that is not built is not read.
 """
 
