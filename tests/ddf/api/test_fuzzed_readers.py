@@ -189,22 +189,14 @@ def read_patches(data, _, path):
         field.points(9)
 
 
-def read_graph(data, _, path):
-    """An ONNX file as a field, asked once."""
-    (path / "field.onnx").write_bytes(data)
-    onnx_field.load(path / "field.onnx")
+def _at(name, read):
+    """Reads a file of this name."""
 
+    def reading(data, _, folder):
+        (folder / name).write_bytes(data)
+        read(folder / name)
 
-def read_scene(data, _, path):
-    """A scene file."""
-    (path / "scene.yaml").write_bytes(data)
-    scenes.read_content(path / "scene.yaml")
-
-
-def read_picture(data, _, path):
-    """A picture as `ddf reconstruct` reads it."""
-    (path / "picture").write_bytes(data)
-    cutouts.read(path / "picture")
+    return reading
 
 
 def _scans():
@@ -260,13 +252,13 @@ def _changed(suffix, data, rng):
 # Kind: how many files, whole files of that kind, and what reads one with this suffix in a folder.
 KINDS = {
     "meshes": (300, seeds, lambda data, suffix, _: mesh_io.parse(data, suffix)),
-    "pictures": (100, pictures, read_picture),
+    "pictures": (100, pictures, _at("picture", cutouts.read)),
     "records": (100, lambda: [(".record", json.dumps(_RECORD).encode())], read_record),
     "patches": (100, lambda: [(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
-    "graphs": (100, _graphs, read_graph),
+    "graphs": (100, _graphs, _at("field.onnx", onnx_field.load)),
     "scans": (200, _scans, read_scan),
     "lenses": (200, lambda: [(".record", json.dumps(_LENS | {"width": 6, "height": 6}).encode())], read_lens),
-    "scenes": (100, lambda: [(".yaml", _SCENE)], read_scene),
+    "scenes": (100, lambda: [(".yaml", _SCENE)], _at("scene.yaml", scenes.read_content)),
 }
 
 
