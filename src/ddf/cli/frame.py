@@ -19,7 +19,7 @@ from typing import Any
 
 from ddf.cli import arguments, declare, results
 from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
-from ddf.core import errors, processes
+from ddf.core import errors, extras, processes
 
 _NEGATIVE = re.compile(r"-(\.?\d|[xyz]$)")  # how a negative value, or an axis, begins; no option does
 _CHOICE = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")  # as argparse has it
@@ -41,6 +41,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if chosen in IN_A_CHECKOUT and chosen not in COMMANDS:
         sys.stderr.write(f"ddf {chosen}: error: experiments need a checkout of the repository: `make setup` in it\n")
         return 2
+    if argv[:1] == ["--version"]:
+        sys.stdout.write(f"ddf {extras.version()}\n")
+        return 0
     parser = _parser(chosen)
     if not argv:
         parser.print_help()
@@ -101,22 +104,12 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: error: {' '.join(message.split())} (see {self.prog} --help)\n")
 
 
-class _Version(argparse.Action):
-    """Looks the version up only when it is asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from ddf.core import extras
-
-        sys.stdout.write(f"ddf {extras.version()}\n")
-        parser.exit()
-
-
 def _parser(chosen: str | None) -> _Parser:
     """The parser of all commands; the arguments of the chosen one alone are declared, for that takes time."""
     shape: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter}
     description = "Directed distance fields: oriented points in, visibility and depth out."
     parser = _Parser(prog="ddf", usage="ddf COMMAND ...", description=description, epilog=_listing(), **shape)
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    parser.add_argument("--version", action="store_true", help="print the version and leave")
     commands = parser.add_subparsers(prog="ddf", dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     for name, command in COMMANDS.items():
         added = commands.add_parser(name, description=command.docstring.text if name == chosen else "", **shape)

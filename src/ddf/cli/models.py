@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ddf.cli import arguments, image_files, results
-from ddf.cli.arguments import ModelPath, OutFolder
+from ddf.cli.arguments import ModelPath, OutFolder, Points
 from ddf.cli.declare import Arg, command
 from ddf.core import shipped_models
 
@@ -23,7 +23,6 @@ _LIKELY = 0.5  # likeness, and share of explained hits, under which a scan is ca
 _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
-_CloudPoints = Annotated[int, Arg(None, ("-n", "--points"), like="n")]
 _AGREES = 0.85  # overlap of the outlines of a reconstruction and its picture, under which a line warns
 
 
@@ -90,7 +89,7 @@ def reconstruct(
     *,
     mask: Annotated[Path | None, Arg("FILE")] = None,
     background: Annotated[str, Arg("HOW")] = "auto",
-    points: _CloudPoints = 5000,
+    points: Points = 5000,
     seed: int = 0,
     together: bool = False,
     cameras: Annotated[Path | None, Arg("FILE")] = None,
@@ -169,7 +168,7 @@ def complete(
     up: Literal["y", "z", "-y"] | None = None,
     noise: float = 0.0,
     image: Annotated[Path | None, Arg("IMAGE.png")] = None,
-    points: _CloudPoints = 5000,
+    points: Points = 5000,
     seed: int = 0,
 ) -> dict[str, Any]:
     """The whole object, and its pose, from a depth image or a lidar scan of it.
