@@ -124,7 +124,7 @@ def samples(
     out: Annotated[Path, Arg("OUT.safetensors", writes="file")],
     *,
     seed: Seed = 0,
-    count: Annotated[int, Arg("N")] = 250_000,
+    count: Annotated[int, Arg("N", parse=arguments.whole_number(2))] = 250_000,
 ) -> dict[str, Any]:
     """The six types of oriented-point samples of a mesh.
 
@@ -139,10 +139,6 @@ def samples(
     Examples:
       ddf samples shape.obj samples.safetensors --count 2000
     """
-    from ddf.core import checks
-
-    if count < 2:
-        raise checks.InputError(f"--count must be >= 2; got {count}")
     import numpy as np
 
     from ddf.core import storage
@@ -199,30 +195,23 @@ def compare(
     import numpy as np
 
     from ddf.api import meshes
-    from ddf.core import checks, seeding
+    from ddf.core import seeding
+    from ddf.geometry import mesh_io
     from ddf.metrics import cloud_scores
 
     def read(path: Path, stream: str) -> "tuple[Float[np.ndarray, 'n 3'], str]":
         """Points of a file, and in words which; each of the two meshes has a random stream of its own."""
-        from ddf.geometry import mesh_io
-
-        if path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.READ:
-            if not mesh_io.has_faces(path):
-                found = mesh_io.read_points(path)
-                return found, f"{len(found):,} points"
+        may_be_points = path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.READ
+        if may_be_points and not mesh_io.has_faces(path):
+            found = mesh_io.read_points(path)
+            return found, f"{len(found):,} points"
         loaded = mesh_io.load(path)
         from ddf.data.samples import draws
 
         drawn, _ = draws.Surface.of(loaded).draw(points, seeding.generator(seed, "compare", stream))
         return drawn, f"{len(drawn):,} points drawn by area (seed {seed})"
 
-    clouds = []
-    for name, path in (("pred", pred), ("truth", truth)):
-        try:
-            clouds.append(read(path, name))
-        except MemoryError as fault:
-            raise checks.InputError(f"{path}: does not fit into memory") from fault
-    (pred_points, pred_is), (true_points, truth_is) = clouds
+    (pred_points, pred_is), (true_points, truth_is) = read(pred, "pred"), read(truth, "truth")
     diagonal, other = (float(np.linalg.norm(np.ptp(points, axis=0))) for points in (true_points, pred_points))
     compared = meshes.compare(pred_points, true_points, tau_sq, relative).to_dict()
     units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
