@@ -176,18 +176,9 @@ class RaysGraph(Graph):
                 clear &= (one - other).abs() < _STEADY
         return dict.fromkeys(self.meanings, clear)
 
-    def forward(
-        self,
-        image: Float[Tensor, "1 4 s s"],
-        features: Float[Tensor, "1 c h w"],
-        context: Float[Tensor, "1 g"],
-        opaque: Float[Tensor, "1 s s"],
-        camera: Float[Tensor, "1 3"],
-        positions: Float[Tensor, "n 3"],
-        directions: Float[Tensor, "n 3"],
-    ) -> tuple[Tensor, Tensor]:
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Visibility, and depth of the heaviest part."""
-        return self._seen(self._parts(image, features, context, opaque, camera, positions, directions))
+        return self._seen(self._parts(*inputs))
 
     @staticmethod
     def _seen(parts: line_field.Parts) -> tuple[Tensor, Tensor]:
@@ -196,15 +187,15 @@ class RaysGraph(Graph):
 
     def _parts(
         self,
-        image: Tensor,
-        features: Tensor,
-        context: Tensor,
-        opaque: Tensor,
-        camera: Tensor,
-        positions: Tensor,
-        directions: Tensor,
+        image: Float[Tensor, "1 4 s s"],
+        features: Float[Tensor, "1 c h w"],
+        context: Float[Tensor, "1 g"],
+        opaque: Float[Tensor, "1 s s"],
+        camera: Float[Tensor, "1 3"],
+        positions: Float[Tensor, "n 3"],
+        directions: Float[Tensor, "n 3"],
     ) -> line_field.Parts:
-        """Of the lines through the points; shapes as of `forward`."""
+        """Of the lines through the points."""
         views = line_field.Views(*(part[:, None] for part in (features, image, context, camera, opaque)))
         entry, step, meets = self.decoder.span(positions, directions)
         middle = entry[:, None] + (torch.arange(self.decoder.places).to(entry) + 0.5) * step[:, None]
