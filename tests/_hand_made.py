@@ -9,7 +9,7 @@ from ddf.data.batches import category_data
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection
 from ddf.geometry import transforms
-from ddf.models import reconstruction_settings
+from ddf.models import line_field, reconstruction_settings
 
 TRAIN = _models.TRAIN
 PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
@@ -60,6 +60,28 @@ def shards(shapes=3, stored=40):
         arrays[f"{kind}.depth"] = packing.encode_depth(depth)
         arrays[f"{kind}.normals"] = packing.encode_unit(-directions, np.int8)
     return [{name: values[rows] for name, values in arrays.items()} for rows in (slice(0, 2), slice(2, None))]
+
+
+def line_model(own=_models.LINE):
+    """With image features, fresh, and with the cameras of the images."""
+    torch.manual_seed(0)
+    model = line_field.ImageDDFModel(TRAIN, own).eval().requires_grad_(False)
+    model.fit_cameras(images())
+    return model
+
+
+def assert_learns(model, loss_of):
+    """The loss reaches every parameter, and 30 steps of Adam lower it."""
+    torch.manual_seed(0)
+    optimiser, losses = torch.optim.Adam(model.train().requires_grad_().parameters(), lr=3e-3), []
+    for _ in range(31):
+        optimiser.zero_grad()
+        losses.append(loss_of())
+        losses[-1].backward()
+        if len(losses) == 1:
+            assert [name for name, p in model.named_parameters() if p.grad is None or not p.grad.any()] == []
+        optimiser.step()
+    assert losses[-1] < (0.8 if losses[0] > 0 else 1) * losses[0]
 
 
 def samples():

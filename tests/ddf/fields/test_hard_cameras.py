@@ -90,14 +90,3 @@ def test_at_the_poles_the_azimuth_is_the_roll(sign, dtype):
     rotation = cameras.rotation(azimuth, torch.full_like(azimuth, sign * math.pi / 2))
     rows = ((sin, zero, -cos), (-sign * cos, zero, -sign * sin), (zero, zero + sign, zero))
     assert_within(rotation, torch.stack([torch.stack(row, -1) for row in rows], dim=-2), 2 * step(dtype))
-
-
-@pytest.mark.parametrize("turn", [2 * math.pi, -2 * math.pi])
-def test_a_full_turn_changes_nothing_but_the_rounding_of_the_angle(turn, dtype):
-    azimuth = torch.tensor([-math.pi, 0.0, 0.1, 3.0], dtype=dtype)
-    elevation, radius = torch.full_like(azimuth, 0.4), torch.ones_like(azimuth)
-    pixels = cameras.pixel_directions(4, torch.zeros(0, dtype=dtype)).reshape(-1, 3)
-    centre, world = cameras.pixel_rays(azimuth, elevation, radius, pixels)
-    again, turned = cameras.pixel_rays(azimuth + turn, elevation, radius, pixels)
-    assert_within(again, centre, 8 * step(dtype))
-    assert_within(turned, world, 8 * step(dtype))

@@ -2,7 +2,7 @@
 
 import torch
 
-from ddf.fields import pddf, rendering, siren
+from ddf.fields import pddf, rendering
 from ddf.geometry import cameras, transforms
 
 FIELD = pddf.PDDFConfig((16, 16), 2.0, 1.0, "softplus", 10.0)
@@ -48,13 +48,3 @@ def test_depth_is_measured_from_the_camera():
     torch.testing.assert_close(images["depth"].reshape(-1)[meets], expected)
     origin = cameras.position(camera[0], camera[1], camera[2]) * scale / transforms.BENCHMARK_FROM_V1
     torch.testing.assert_close(origin + distance[meets, None] * world[meets], entry[meets], rtol=0, atol=1e-5)
-
-
-def test_conditional_field_uses_its_modulations():
-    torch.manual_seed(0)
-    modulator = siren.Modulator(4, FIELD.hidden)
-    field, (camera, scale) = _field(), _camera()
-    one, two = (modulator(torch.randn(4)) for _ in range(2))
-    first, _ = rendering.render(field, one, camera, scale, 16, ["depth"])
-    second, _ = rendering.render(field, two, camera, scale, 16, ["depth"])
-    assert not torch.equal(first["depth"], second["depth"])

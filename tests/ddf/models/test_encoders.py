@@ -7,7 +7,6 @@ import sys
 import _models
 import pytest
 import torch
-from torch import nn
 
 from ddf.core import checks
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
@@ -40,19 +39,6 @@ def test_encoder_learns_a_latent_and_tells_its_stages(name):
 def test_encoder_is_the_same_in_onnx(name):
     graph = onnx_graphs.EncodersGraph(_model(name).eval(), 32)
     onnx_parity.compare(onnx_file.to_onnx(graph, {}), name, graph, (1, 3))
-
-
-def test_one_that_has_features_of_one_stage_alone_is_enough(monkeypatch):
-    class Plain(encoders.Encoder):
-        def __init__(self, out_features, width):
-            super().__init__()
-            self.first, self.fc = nn.Conv2d(4, width, 3), nn.Linear(width, out_features)
-
-        def stages(self, images):
-            return (self.first(images).mean(dim=(-2, -1)),)
-
-    monkeypatch.setitem(encoders.ENCODERS, "plain", Plain)
-    test_encoder_learns_a_latent_and_tells_its_stages("plain")
 
 
 def test_unknown_encoder_is_refused():

@@ -65,8 +65,3 @@ def test_a_shape_is_seen_with_each_texture():
     assert_close(seen.normals[:, ~hidden].norm(dim=0), torch.ones(int((~hidden).sum())))
     white = generated_images.on_white(seen.normals)
     assert bool((white[:, hidden] == 1).all())
-
-
-def test_cameras_stand_all_round():
-    turns = torch.stack(generated_images.cameras_around(4, 30.0, 0.8))
-    assert_close(turns[1:, 0] - turns[:-1, 0], torch.full((3,), torch.pi / 2))

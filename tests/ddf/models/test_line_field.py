@@ -1,25 +1,19 @@
 """The field with image features along the ray: closed forms, exact derivatives, what the image rules out."""
 
-import dataclasses
-
 import _hand_made
+import _models
 import numpy as np
 import pytest
 import torch
 from torch.nn import functional
 
-from ddf.core import checks, storage
-from ddf.fields import framed_field, model_files
+from ddf.core import checks
+from ddf.fields import framed_field
 from ddf.geometry import cameras, rays
 from ddf.models import line_field
 from ddf.training import line_steps
 
 CONFIG = line_field.LineFieldConfig(places=8, width=16, steps=3, rays=60)
-
-
-def _model(seed=0):
-    torch.manual_seed(seed)
-    return line_field.ImageDDFModel(_hand_made.TRAIN, CONFIG).double().eval().requires_grad_(False)
 
 
 def _views(model, rows=(0,)):
@@ -37,8 +31,7 @@ def _rays(count, seed=1):
 @pytest.fixture(scope="module")
 def field():
     """Of one image, with logits large enough that some parts are hit."""
-    model = _model()
-    model.decoder.head.bias[0] = 1.0
+    model = _models.line_model().double()
     return line_field.ImageField.of(model.decoder, _views(model))
 
 
@@ -138,26 +131,11 @@ def test_points_moved_between_cameras_keep_their_pixels():
 
 
 def test_steps_lower_the_loss_and_reach_every_parameter():
-    torch.manual_seed(0)
-    model, images, shapes = line_field.ImageDDFModel(_hand_made.TRAIN, CONFIG), _hand_made.images(), _hand_made.shapes()
-    model.fit_cameras(images)
+    model, images, shapes = _hand_made.line_model(CONFIG), _hand_made.images(), _hand_made.shapes()
     model.fit_box(shapes)
     assert bool((model.decoder.upper <= 1).all()) and bool((model.decoder.upper > line_field.MARGIN).all())
-
-    def step():
-        return line_steps.ddf_image_step(model, images, shapes, _hand_made.samples(), _hand_made.TRAIN, CONFIG, 0)[0]
-
-    loss = step()
-    loss.backward()
-    dead = [name for name, p in model.named_parameters() if p.grad is None or not bool(p.grad.abs().sum() > 0)]
-    assert dead == []
-    optimiser, before = torch.optim.Adam(model.parameters(), lr=3e-3), float(loss.detach())
-    for _ in range(30):
-        optimiser.zero_grad()
-        loss = step()
-        loss.backward()
-        optimiser.step()
-    assert float(loss.detach()) < 0.8 * before
+    given = (model, images, shapes, _hand_made.samples(), _hand_made.TRAIN, CONFIG, 0)
+    _hand_made.assert_learns(model, lambda: line_steps.ddf_image_step(*given)[0])
 
 
 def test_a_field_of_an_image_is_asked_as_any_other(field):
@@ -169,15 +147,9 @@ def test_a_field_of_an_image_is_asked_as_any_other(field):
 
 
 def test_a_model_is_loaded_as_it_was_written(tmp_path):
-    torch.manual_seed(0)
-    model = line_field.ImageDDFModel(_hand_made.TRAIN, CONFIG)
-    model.fit_cameras(_hand_made.images())
-    record = {"kind": "ddf_image", "train": dataclasses.asdict(_hand_made.TRAIN), "section": dataclasses.asdict(CONFIG)}
-    storage.save_tensors(
-        tmp_path / model_files.MODEL, dict(model.state_dict()), {**record, "fingerprint": "", "seed": 0}
-    )
+    _models.write_model(tmp_path, "ddf_image")
     found = line_field.load(tmp_path).network.state_dict()
-    assert all(torch.equal(value, found[name]) for name, value in model.state_dict().items())
-    storage.save_tensors(tmp_path / model_files.MODEL, {}, {**record, "kind": "ddf", "fingerprint": "", "seed": 0})
+    assert all(torch.equal(value, found[name]) for name, value in _models.line_model().state_dict().items())
+    _models.write_model(tmp_path)
     with pytest.raises(checks.InputError, match="holds no image-feature DDF"):
         line_field.load(tmp_path)

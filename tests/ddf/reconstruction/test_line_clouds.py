@@ -11,15 +11,8 @@ from ddf.models import line_field, reconstruction_models
 from ddf.reconstruction import line_clouds, three_views
 
 
-def _model():
-    torch.manual_seed(0)
-    model = line_field.ImageDDFModel(TRAIN, line_field.LineFieldConfig(places=8, width=16)).eval().requires_grad_(False)
-    model.fit_cameras(_hand_made.images())
-    return model
-
-
 def test_clouds_depend_on_the_camera_and_are_the_same_again():
-    model, images = _model(), _hand_made.images()
+    model, images = _hand_made.line_model(), _hand_made.images()
     tensors, facts = line_clouds.reconstruct(model, images, POINTCLOUDS)
     assert tensors["L.true"].shape == tensors["L.pred"].shape == (6, 60, 3)
     assert torch.equal(tensors["S.true"], tensors["L.true"][:, :30])
@@ -31,7 +24,7 @@ def test_clouds_depend_on_the_camera_and_are_the_same_again():
 
 
 def test_a_transparent_image_gives_a_point():
-    model, images = _model(), _hand_made.images()
+    model, images = _hand_made.line_model(), _hand_made.images()
     nothing = dataclasses.replace(images, images=torch.zeros(6, 4, 32, 32, dtype=torch.uint8))
     views = line_clouds.views_of(model, nothing, np.array([0]))
     cloud = line_clouds.draw(line_field.ImageField.of(model.decoder, views), 5, torch.Generator().manual_seed(0))
@@ -44,7 +37,7 @@ def test_three_views_of_one_image_are_that_image():
     assert all(len(own) == 3 and len(set(images.shapes[own])) == 1 for own in rows.values())
     same = dataclasses.replace(images, shapes=np.zeros(6, dtype=int), images=images.images[:1].repeat(6, 1, 1, 1))
     same = dataclasses.replace(same, cameras=images.cameras[:1].repeat(6, 1))
-    model = _model()
+    model = _hand_made.line_model()
     tensors, facts = three_views.of_features(model, same, POINTCLOUDS)
     alone, _ = line_clouds.reconstruct(model, same, POINTCLOUDS)
     assert facts == {three_views.CLOUDS: [same.ids[0]]}

@@ -17,11 +17,7 @@ PICTURE[8:24, 10:22] = 200
 
 @pytest.fixture(scope="module")
 def trained():
-    torch.manual_seed(0)
-    config = line_field.LineFieldConfig(places=8, width=16)
-    model = line_field.ImageDDFModel(_hand_made.TRAIN, config).eval().requires_grad_(False)
-    model.fit_cameras(_hand_made.images())
-    return line_field.TrainedImageDDF(model, 32, None)
+    return line_field.TrainedImageDDF(_hand_made.line_model(), 32, None)
 
 
 def test_one_picture_and_the_same_twice_with_its_camera_are_one_object(trained):

@@ -119,12 +119,6 @@ def test_two_runs_agree_and_a_resumed_one_equals_an_uninterrupted_one(name, tmp_
     assert whole == _fit(name, tmp_path / "parts")
 
 
-def test_draws_of_updates_differ_and_repeat():
-    first, again, other = (generative_steps.Draw.of(_generative.GAN, 3, turn).normal(4) for turn in (0, 0, 1))
-    assert_close(first, again)
-    assert float((first - other).abs().min()) > 0
-
-
 def test_the_loss_is_that_of_the_shape_and_the_divergence():
     model = _generative.vae()  # in evaluation mode: no dropout
     total, terms = generative_steps.vae_step(model, SHAPES, 0)

@@ -106,13 +106,6 @@ def test_the_share_near_the_surface_starts_there(near, monkeypatch):
     assert bool((starts.abs() <= 1).all())
 
 
-def test_same_generator_gives_the_same_rays():
-    first, again, other = _propose(seed=3), _propose(seed=3), _propose(seed=4)
-    assert torch.equal(first.positions, again.positions)
-    assert torch.equal(first.directions, again.directions)
-    assert not torch.equal(first.positions, other.positions)
-
-
 def test_the_loss_reads_depth_and_visibility_of_proposed_rays():
     field = _models.field().requires_grad_(True)
     counts: dict[str, int] = dict.fromkeys((*sample_types.ORDER, "P"), 2)
