@@ -3,9 +3,7 @@
 import dataclasses
 
 import _shapes
-import numpy as np
 import pytest
-import torch
 
 from bench.fields import parametrisations as benchmark
 from ddf.core import seeding
@@ -34,24 +32,6 @@ def _exact(place):
         return raycast.cast(scene, rays.OrientedPoints(p.double(), v.double()))
 
     return benchmark.Candidate(lambda p, v: hits(p, v).depth.float(), lambda p, v, _: hits(p, v).normals.float(), 0)
-
-
-def test_rays_begin_where_they_are_said_to(_place):
-    random = seeding.generator(0, "test")
-    box = torch.from_numpy(_place.upper)
-    outside = benchmark.outside_rays(_place, random)
-    starts = outside.positions.reshape(6, 20, 3)
-    assert torch.equal(starts, starts[:, :1].expand_as(starts))  # camera after camera
-    assert bool(rays.enter_box(outside.positions, outside.directions, *_place.corners())[2].all())
-    assert float(outside.positions.norm(dim=-1).min()) > _place.radius
-    inside, inner = benchmark.inside_rays(_place, random), benchmark.between(_place, random)
-    for seen in (inside, inner):
-        assert bool((seen.positions.abs() <= box + 1e-6).all()) and len(seen.positions) > 100
-    assert float(inner.positions.norm(dim=-1).min()) > RADIUS + 0.9 * benchmark.CLEAR
-    assert len(torch.unique(inner.positions, dim=0)) == 5
-    hit = inside.truth.visible
-    ends = inside.positions[hit] + inside.truth.depth[hit, None] * inside.directions[hit]
-    np.testing.assert_allclose(ends.norm(dim=-1), RADIUS, atol=5e-3)
 
 
 def test_an_exact_answer_has_no_error_and_a_late_one_has_its_delay(_place):

@@ -91,14 +91,9 @@ class Measured:
         return f"{value} ± {float(row['spread']):.{digits}f}" if spread and float(row["seeds"]) > 1 else value
 
 
-def plain_pairs(measured: Measured, rows: Rows) -> Rows:
-    """D_C and F(τ) without spreads, as README prints them."""
-    return [[name, *_pair(measured, name, 1, False)] for name, *_ in rows]
-
-
-def pairs(measured: Measured, rows: Rows) -> Rows:
-    """D_C and F(τ) with spreads."""
-    return [[name, *_pair(measured, name, 2, True)] for name, *_ in rows]
+def pairs(measured: Measured, rows: Rows, digits: int = 2, spread: bool = True) -> Rows:
+    """D_C and F(τ) in one cell."""
+    return [[name, *_pair(measured, name, digits, spread)] for name, *_ in rows]
 
 
 def _pair(measured: Measured, name: str, digits: int, spread: bool) -> list[str]:
@@ -108,17 +103,8 @@ def _pair(measured: Measured, name: str, digits: int, spread: bool) -> list[str]
     return [", ".join(pair) for pair in zip(chamfers, scores, strict=True)]
 
 
-def true_camera(measured: Measured, rows: Rows) -> Rows:
-    """Both models by metric; bold: where the report claims a difference."""
-    return _by_metric(measured, rows, "Pi_g")
-
-
-def predicted_camera(measured: Measured, rows: Rows) -> Rows:
-    """As `true_camera`, at the predicted camera."""
-    return _by_metric(measured, rows, "Pi_pred")
-
-
-def _by_metric(measured: Measured, rows: Rows, camera: str) -> Rows:
+def at_camera(measured: Measured, rows: Rows, camera: str = "Pi_g") -> Rows:
+    """All models by metric; bold: where the report claims a difference."""
     filled = []
     for label, group in itertools.groupby(rows, key=lambda row: row[0]):
         metric, digits = METRICS[label]
@@ -259,25 +245,29 @@ FAKES = ("noisy samples", "blurred samples", "mean shape")
 Fill = Callable[[Rows], Rows]
 
 
-def of(report: str, fill: Callable[[Measured, Rows], Rows]) -> Fill:
+def of(report: str, fill: Callable[..., Rows], *options: Any) -> Fill:
     """Filled from a report's si3dr.csv, of a group of its shapes where it has two."""
-    return lambda rows: fill(Measured(report), rows)
+    return lambda rows: fill(Measured(report), rows, *options)
 
 
 TABLES: list[tuple[str, str, Fill]] = [  # page, the line above the table, what fills it: the keys of its numbers
-    ("README.md", "On real shapes:", of("real:real", plain_pairs)),
-    ("docs/results.md", "Real shapes, true camera:", of("real:real", true_camera)),
-    ("docs/results.md", "Real shapes, predicted camera:", of("real:real", predicted_camera)),
+    ("README.md", "On real shapes:", of("real:real", pairs, 1, False)),
+    ("docs/results.md", "Real shapes, true camera:", of("real:real", at_camera)),
+    ("docs/results.md", "Real shapes, predicted camera:", of("real:real", at_camera, "Pi_pred")),
     ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", of("real:real", cameras)),
     ("docs/results.md", "Real shapes, baselines, true camera (more in README):", of("real:real", pairs)),
-    ("docs/results.md", "The same models on procedural test shapes, true camera:", of("real:procedural", true_camera)),
+    (
+        "docs/results.md",
+        "The same models on procedural test shapes, true camera:",
+        of("real:procedural", at_camera),
+    ),
     ("docs/results.md", "### Where they fail", of("real:real", far)),
-    ("README.md", "On procedural shapes:", of("cpu", plain_pairs)),
-    ("docs/results.md", "### True camera", of("cpu", true_camera)),
-    ("docs/results.md", "### Predicted camera", of("cpu", predicted_camera)),
+    ("README.md", "On procedural shapes:", of("cpu", pairs, 1, False)),
+    ("docs/results.md", "### True camera", of("cpu", at_camera)),
+    ("docs/results.md", "### Predicted camera", of("cpu", at_camera, "Pi_pred")),
     ("docs/results.md", "Median errors of the predicted camera:", of("cpu", cameras)),
     ("docs/results.md", "### Baselines, true camera", of("cpu", pairs)),
-    ("docs/results.md", "At the true camera, the paper's way:", of("cpu_paper", true_camera)),
+    ("docs/results.md", "At the true camera, the paper's way:", of("cpu_paper", at_camera)),
     ("README.md", "## Why a DDF, and when not", frontier),
     ("docs/results.md", "## One shape", one_shape),
     ("docs/results.md", "## What a network reads of a ray", parametrisations),

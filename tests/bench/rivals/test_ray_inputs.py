@@ -57,14 +57,6 @@ def test_any_point_of_a_line_is_the_same_ray(name):
     torch.testing.assert_close(moved, before - 0.3, rtol=0, atol=1e-9)
 
 
-def test_inside_the_box_ours_reads_the_point_itself():
-    drawn = _shapes.random_rays(50, seed=1, spread=0.6)
-    reads = READS["box entry"]
-    x, before = reads(drawn.positions, drawn.directions)
-    torch.testing.assert_close(x, torch.cat((drawn.positions, drawn.directions), dim=-1))
-    assert not bool(before.any())
-
-
 def _section():
     section = fit_settings.FitConfig()
     field = dataclasses.replace(section.field, hidden=(32, 32))

@@ -50,16 +50,6 @@ def test_seeds_that_were_not_evaluated_alike_are_refused():
         seeds.over_seeds([FIRST, SECOND.assign(images=31)])
 
 
-def test_tables_are_read_where_the_stage_leaves_them(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for folder, table in (("evaluate", FIRST), ("evaluate_seeds/1", SECOND)):
-        storage.save_table(tmp_path / "artifacts/a" / folder / "si3dr.csv", table, {"fingerprint": "x"})
-    pd.testing.assert_frame_equal(seeds.read_table(RUN, 2), seeds.over_seeds([FIRST, SECOND]))
-    pd.testing.assert_frame_equal(seeds.read_table(RUN, 1), FIRST)
-    with pytest.raises(FileNotFoundError, match=r"evaluate_seeds/2/si3dr\.csv"):
-        seeds.read_table(RUN, 3)
-
-
 def test_the_number_of_seeds_is_what_make_wrote(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert seeds.read_count(RUN) == 1
