@@ -99,8 +99,8 @@ def schedule(
       The items that failed or were left out because of one that did; first those that failed, as they ended.
     """
     order = sorted(items, key=lambda item: item.seed)
-    graph_of = graphlib.TopologicalSorter({each: [other for other in items if each.follows(other)] for each in items})
-    graph_of.prepare()
+    sorter = graphlib.TopologicalSorter({each: [other for other in items if each.follows(other)] for each in items})
+    sorter.prepare()
     ready, failed, succeeded = list[graph.Item](), list[graph.Item](), set[graph.Item]()
     running: dict[futures.Future[bool], graph.Item] = {}
 
@@ -111,7 +111,7 @@ def schedule(
 
     with futures.ThreadPoolExecutor(max(1, len(items))) as pool:
         try:
-            while (ready := sorted((*ready, *graph_of.get_ready()), key=order.index)) or running:
+            while (ready := sorted((*ready, *sorter.get_ready()), key=order.index)) or running:
                 for item in filter(may_start, tuple(ready)):
                     ready.remove(item)
                     running[pool.submit(start, item)] = item
@@ -119,7 +119,7 @@ def schedule(
                     item = running.pop(future)
                     if future.result():
                         succeeded.add(item)
-                        graph_of.done(item)
+                        sorter.done(item)
                     else:
                         failed.append(item)
         except KeyboardInterrupt:
