@@ -1,15 +1,12 @@
 """Every experiment file loads, section by section, into the dataclass of the module that uses it."""
 
 import dataclasses
-import typing
-from collections.abc import Iterator
 from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from ddf.core import config, schema
+from ddf.core import config
 from ddf.fields import cloud_projection
 from ddf.fields import pddf as ddf_fields
 from ddf.fit import fit_settings
@@ -21,29 +18,10 @@ FILES = [*sorted((Path(__file__).resolve().parents[3] / "configs").glob("*.yaml"
 CONFIGS = [path for path in FILES if Run.read(path).kind == "reconstruction"]
 
 
-def _settings(cls: type, prefix: str) -> Iterator[tuple[str, Any]]:
-    """Dotted keys that a file may give, and their fields; a mapping is one."""
-    hints = typing.get_type_hints(cls)
-    for name, field in schema.fields_of(cls).items():
-        part = schema.part_of(hints[name])
-        if part is None:
-            yield f"{prefix}.{name}", field
-        else:
-            yield from _settings(part, f"{prefix}.{name}")
-
-
-SETTINGS = dict(pair for section in SECTIONS for pair in _settings(class_of(section), section))
-
-
 def test_every_section_names_its_dataclass_and_is_of_an_experiment():
     for section in SECTIONS:
         assert is_dataclass(class_of(section)), section
     assert {name for names in KINDS.values() for name in names} == set(SECTIONS)
-
-
-def test_each_setting_says_what_it_is():
-    assert len(SETTINGS) > 100
-    assert all(field.metadata.get("says") for field in SETTINGS.values())
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -47,13 +47,6 @@ def test_a_comment_a_default_restated_and_what_is_overruled_change_nothing_that_
     assert yaml.safe_load(graph.experiment("smoke").file.read_text()) == changed
 
 
-def test_a_file_with_a_fit_alone_is_an_experiment_of_a_shape(folder):
-    found = graph.experiment("fit")
-    assert found.kind == "shape" and found.categories == ()
-    names = ["fit_shape@fit", "ablate_samples@fit", "report_shape@fit"]
-    assert [item.name for item in graph.expand(found)] == names
-
-
 def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
     for name in ("smoke_generative", "paper_generative"):
         shutil.copy(SMOKE.parent / f"{name}.yaml", folder / "configs")
