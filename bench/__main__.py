@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bench.lib import catalogue, measuring
 from ddf.cli import declare
-from ddf.core import errors
+from ddf.core import processes
 from ddf_lab.engine import publish
 
 WIDTH, INDENT = 110, 20  # of the listing
@@ -66,5 +66,5 @@ def main(arguments: Sequence[str]) -> int:
 
 if __name__ == "__main__":
     codes: list[int] = []
-    failed = errors.guarded(lambda: codes.append(main(sys.argv[1:])), "bench")
+    failed = processes.guarded(lambda: codes.append(main(sys.argv[1:])), "bench")
     raise SystemExit(failed or codes[0])

@@ -19,7 +19,7 @@ def test_the_page_is_current():
 
 @pytest.mark.parametrize("name", commands.COMMANDS)
 def test_examples_are_well_formed(name, monkeypatch):
-    monkeypatch.setattr("ddf.core.errors.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.setattr("ddf.core.processes.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     for example in commands.COMMANDS[name].docstring.examples:
         assert example.startswith(f"ddf {name}")
         assert cli.main(shlex.split(example)[1:]) == 0, example

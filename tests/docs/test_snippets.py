@@ -56,7 +56,7 @@ def not_run(line: str, table: dict[str, str]) -> bool:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_lines_of_shell_are_well_formed(page, monkeypatch):
-    monkeypatch.setattr("ddf.core.errors.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.setattr("ddf.core.processes.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     monkeypatch.chdir(ROOT)
     for line in lines(page):
         words = shlex.split(line)

@@ -28,26 +28,26 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     out, is_folder = written(command, args)
     if out is None:
         return
-    from ddf.core import checks, storage  # take numpy, which bare help and `ddf doctor` do without
+    from ddf.core import storage  # takes numpy, which bare help and `ddf doctor` do without
 
     read = [path for value in vars(args).values() for path in _listed(value)]
     storage.protect(path for path in read if isinstance(path, Path) and path is not out and path.is_file())
     target = Path(os.path.realpath(out))  # of a link
     if is_folder:
         if out.is_symlink() and not out.exists():
-            raise checks.InputError(f"{out}: a link to {target}, which is not there; make that folder")
+            raise errors.InputError(f"{out}: a link to {target}, which is not there; make that folder")
         if out.exists() and not out.is_dir():
-            raise checks.InputError(f"{out}: is a file; give a folder to write")
+            raise errors.InputError(f"{out}: is a file; give a folder to write")
         _require_writable(out, next(each for each in (target, *target.parents) if each.exists()))
         return
     if out.exists() and not out.is_file():
-        raise checks.InputError(f"{out}: not a regular file; give the name of a file to write")
+        raise errors.InputError(f"{out}: not a regular file; give the name of a file to write")
     storage.require_not_read(out)
     if args.make_folders:
         target.parent.mkdir(parents=True, exist_ok=True)
     elif not target.parent.is_dir():
         folder = target.parent if out.is_symlink() else out.parent
-        raise checks.InputError(f"{out}: there is no folder {folder}; make it, or add --make-folders")
+        raise errors.InputError(f"{out}: there is no folder {folder}; make it, or add --make-folders")
     _require_writable(out, target.parent)
 
 
@@ -55,13 +55,11 @@ def _require_writable(out: Path, folder: Path) -> None:
     """Raise InputError where no file can be made in a folder; what a system says of its rights is not enough."""
     import tempfile
 
-    from ddf.core import checks
-
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
         reason = errors.describe(OSError(error.errno, error.strerror))
-        raise checks.InputError(f"{out}: no file can be written in {folder} ({reason}); give another place") from error
+        raise errors.InputError(f"{out}: no file can be written in {folder} ({reason}); give another place") from error
 
 
 def kept(command: Command, args: argparse.Namespace) -> str:
@@ -84,11 +82,9 @@ def _listed(value: Any) -> list[Any]:
 
 def outputs(text: str) -> tuple[str, ...]:
     """The type of an argument that is a list of outputs with commas."""
-    from ddf.core import checks
-
     try:
         return field_outputs.require([name.strip() for name in text.split(",") if name.strip()])
-    except checks.InputError as error:
+    except errors.InputError as error:
         raise argparse.ArgumentTypeError(str(error).removeprefix("outputs ")) from error
 
 

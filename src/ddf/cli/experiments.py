@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from ddf.cli import results
 from ddf.cli.declare import Arg, command
+from ddf.core import errors
 
 _WIDTH = 24  # of a value, from where on comments stand in a column
 
@@ -123,14 +124,14 @@ def split(
 
 def read_listing(source: Path) -> dict[str, list[str]]:
     """{synset: ids} from a JSON file, or from the folders of a ShapeNet root."""
-    from ddf.core import checks, storage
+    from ddf.core import storage
     from ddf.data import shapenet
 
     if source.is_dir():
         return {synset: shapenet.list_shapes(source, synset) for synset in shapenet.list_classes(source)}
     if not source.is_file():
-        raise checks.InputError(f"{source}: no such file or folder; give IDS.json or a root with ShapeNetRendering/")
+        raise errors.InputError(f"{source}: no such file or folder; give IDS.json or a root with ShapeNetRendering/")
     listing = storage.read_json(source)
     if not isinstance(listing, dict) or not all(isinstance(ids, list) for ids in listing.values()):
-        raise checks.InputError(f"{source}: must hold one JSON object {{synset: [ids]}}; got something else")
+        raise errors.InputError(f"{source}: must hold one JSON object {{synset: [ids]}}; got something else")
     return {synset: [shapenet.check_name(name, str(source)) for name in ids] for synset, ids in listing.items()}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from ddf.cli import arguments, image_files, results
 from ddf.cli.arguments import FieldPath, Outputs, Points, Rays, Seed
 from ddf.cli.declare import Arg, command
+from ddf.core import errors
 from ddf.fields import field_outputs
 
 if TYPE_CHECKING:
@@ -57,16 +58,16 @@ def fit(
       ddf fit shape.obj my_field --steps 2000 --seed 1
       ddf fit rgbd_dataset_freiburg1_xyz my_room
     """
-    from ddf.core import checks, storage
+    from ddf.core import storage
     from ddf.fit import patch_fitting
     from ddf.geometry import mesh_io, posed_depth
 
     options = {"config": config, "minutes": minutes, "steps": steps, "seed": seed}
     of_sine = [name for name, value in options.items() if value is not None]
     if kind == "patches" and of_sine:
-        raise checks.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
+        raise errors.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
     if (kind == "sine" or of_sine) and tolerance is not None:
-        raise checks.InputError("--tolerance is of --kind patches")
+        raise errors.InputError("--tolerance is of --kind patches")
     of_rays = posed_depth.is_rays(mesh)
     if kind != "sine" and not of_sine:
         if of_rays:

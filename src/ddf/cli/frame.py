@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     args = parser.parse_args(argv)
     with processes.raised():
-        return errors.guarded(lambda: _run(args, argv), f"ddf {args.command}")
+        return processes.guarded(lambda: _run(args, argv), f"ddf {args.command}")
 
 
 def with_negative_values(argv: Sequence[str]) -> list[str]:

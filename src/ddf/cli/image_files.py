@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ddf.core import errors
+
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float, UInt8
@@ -61,12 +63,12 @@ def write_exr(path: Path, images: "Mapping[str, Float[np.ndarray, 'height width 
     """Images as float32 channels of one OpenEXR file: `depth`, `normals.X`, `normals.Y`, ..."""
     import numpy as np
 
-    from ddf.core import checks, storage
+    from ddf.core import storage
 
     try:
         import OpenEXR
     except ModuleNotFoundError as error:
-        raise checks.InputError(f"{path}: .exr needs the package OpenEXR: pip install openexr") from error
+        raise errors.InputError(f"{path}: .exr needs the package OpenEXR: pip install openexr") from error
     channels = {}
     for name, values in images.items():
         planes = {name: values} if values.ndim == 2 else {f"{name}.{a}": values[..., i] for i, a in enumerate(_AXES)}

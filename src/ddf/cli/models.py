@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from ddf.cli import arguments, image_files, results
 from ddf.cli.arguments import ModelPath, OutFolder, Points
 from ddf.cli.declare import Arg, command
-from ddf.core import shipped_models
+from ddf.core import errors, shipped_models
 
 if TYPE_CHECKING:
     import torch
@@ -64,11 +64,11 @@ def models_get(name: Annotated[str, Arg("NAME")], out: Annotated[Path, Arg("OUT"
       name: of the list that `ddf models` prints.
       out: files of the same name are replaced.
     """
-    from ddf.core import checks, errors, storage
+    from ddf.core import storage
 
     listed = {model.name: model for model in shipped_models.listed()}
     if name not in listed:
-        raise checks.InputError(f"no model is called {name!r}; there are {errors.known_names(name, listed)}")
+        raise errors.InputError(f"no model is called {name!r}; there are {errors.known_names(name, listed)}")
     model = listed[name]
     for file in model.files:
         storage.write_bytes(out / file, (model.folder / file).read_bytes())
@@ -117,10 +117,9 @@ def reconstruct(
     """
     from ddf import cli
     from ddf.api import reconstruction
-    from ddf.core import checks
 
     if mask is not None and len(images) > 1:
-        raise checks.InputError("--mask is of one picture; give one")
+        raise errors.InputError("--mask is of one picture; give one")
     groups = [images] if together else [[image] for image in images]
     outs = [out] if together else _folders(images, out)
     results.show_parts()
@@ -138,12 +137,10 @@ def reconstruct(
 
 def _folders(images: Sequence[Path], out: Path) -> list[Path]:
     """Where each picture's files go: the folder itself, or one below it named as the picture."""
-    from ddf.core import checks
-
     names = [image.stem for image in images]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise checks.InputError(f"two images are called {twice[0]!r}, and so would be their folders; rename one")
+        raise errors.InputError(f"two images are called {twice[0]!r}, and so would be their folders; rename one")
     return [out] if len(images) == 1 else [out / name for name in names]
 
 
@@ -188,11 +185,11 @@ def complete(
     import numpy as np
 
     from ddf.api import completion
-    from ddf.core import checks, storage
+    from ddf.core import storage
     from ddf.geometry import mesh_io, scans, transforms
 
     if fixed and pose is None:
-        raise checks.InputError("--fixed needs --pose: a pose that is not given cannot stay")
+        raise errors.InputError("--fixed needs --pose: a pose that is not given cannot stay")
     matrix = None
     if pose is not None:
         matrix = transforms.Similarity.of_matrix(f"{pose}: the pose", storage.read_json(pose)).to_matrix()
@@ -342,19 +339,18 @@ def export(
 
         size = viewer_page.write(out, views.page_of(model))
         return {"bytes": size, "verdict": f"{out}: {size:,} bytes; any browser opens it"}
-    from ddf.core import checks
     from ddf.fields import field_outputs, model_files
     from ddf.io import onnx_file
 
     first, *others = model
     if others:
-        raise checks.InputError(f"{out}: an ONNX file holds one model; give one, or a name that ends in .html")
+        raise errors.InputError(f"{out}: an ONNX file holds one model; give one, or a name that ends in .html")
     settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES)
     folder = first.parent if first.name == model_files.MODEL else first
     graphs, source = onnx_file.load_graphs(folder, outputs)
     name = graph or next(iter(graphs))
     if name not in graphs:
-        raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
+        raise errors.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
     rows = onnx_file.export(graphs[name], name, out, source, settings)
     parity = onnx_file.figures(rows)
     worst = max(parity, key=lambda output: parity[output]["max_abs"])

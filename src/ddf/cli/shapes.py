@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ddf.cli import results
 from ddf.cli.declare import Arg, command
+from ddf.core import errors
 
 if TYPE_CHECKING:
     from ddf.data.public import packages
@@ -64,13 +65,12 @@ def shapes_get(
       categories: of the list that `ddf shapes` prints; else all.
       source: folder with the packages' .deb files.
     """
-    from ddf.core import checks
     from ddf.data.public import manifest, packages
 
     known = sorted({row.category for row in manifest.rows()})
     for name in categories:
         if name not in known:
-            raise checks.InputError(f"no category is called {name!r}; there are {', '.join(known)}")
+            raise errors.InputError(f"no category is called {name!r}; there are {', '.join(known)}")
     rows = manifest.of(categories or known)
     needed = [package for package in packages.PACKAGES.values() if any(row.package == package.name for row in rows)]
     if source is None:

@@ -13,7 +13,7 @@ from ddf.cli import arguments, image_files, results
 from ddf.cli.arguments import CameraOption, FieldPath, ImageOutputs, PictureOutputs
 from ddf.cli.declare import Arg, command
 from ddf.cli.fields import load
-from ddf.core import shipped_models
+from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
 if TYPE_CHECKING:
@@ -113,19 +113,17 @@ def _told(
 
 
 def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int | None, bits: int) -> None:
-    from ddf.core import checks
-
     pictures, shaded = image_files.PICTURES, outputs == (arguments.SHADED,)
     if suffix not in (*pictures, *image_files.ARRAYS):
-        raise checks.InputError(f"{out}: must end in one of {', '.join((*pictures, *image_files.ARRAYS))}")
+        raise errors.InputError(f"{out}: must end in one of {', '.join((*pictures, *image_files.ARRAYS))}")
     if shaded and suffix not in pictures:
-        raise checks.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
+        raise errors.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
     if turn is not None and not shaded:
-        raise checks.InputError(f"--turn goes with --output {arguments.SHADED}; got {','.join(outputs)}")
+        raise errors.InputError(f"--turn goes with --output {arguments.SHADED}; got {','.join(outputs)}")
     if suffix in pictures and len(outputs) > 1:
-        raise checks.InputError(f"{out}: a picture shows one output, .npz and .exr hold {len(outputs)}")
+        raise errors.InputError(f"{out}: a picture shows one output, .npz and .exr hold {len(outputs)}")
     if bits == 16 and (suffix != ".png" or outputs != ("depth",)):
-        raise checks.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
+        raise errors.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
 
 
 def _shaded(
@@ -241,7 +239,6 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
     where what must stand alone does not.
     """
     from ddf.api import scene as scenes
-    from ddf.core import checks
     from ddf.fields import field_file
     from ddf.io import viewer_page
 
@@ -249,7 +246,7 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
     if files and len(what) == 1:
         return _scene_page(files[0])
     if files:
-        raise checks.InputError(f"{files[0]}: a scene file is shown alone; it may name all fields")
+        raise errors.InputError(f"{files[0]}: a scene file is shown alone; it may name all fields")
     missing = next((path for path in what if len(what) > 1 and not path.exists()), None)
     if missing is not None:
         raise FileNotFoundError(f"{missing}: no such field; a file to write must end in .html")
@@ -265,7 +262,7 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
 
 def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]]":
     """Name, field and a sentence of each; of a model what it makes of the pictures before it, or of its own sample."""
-    from ddf.core import checks, storage
+    from ddf.core import storage
     from ddf.fields import field_file
     from ddf.io import viewer_page
 
@@ -282,16 +279,15 @@ def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]
             known[path] = known.get(path) or viewer_page.field(path)
             yield viewer_page.name_of(path), known[path], viewer_page.ABOUT
     if pictures:
-        raise checks.InputError(f"{pictures[0]}: a picture stands before the model that makes a field of it")
+        raise errors.InputError(f"{pictures[0]}: a picture stands before the model that makes a field of it")
 
 
 def _reconstructed(picture: Path, model: Path) -> "tuple[str, viewer_page.Shape, str]":
     """The patches that a model makes of a picture."""
     from ddf.api import reconstruction
-    from ddf.core import checks
 
     if not picture.is_file():
-        raise checks.InputError(f"{model}: has no {_SAMPLE}; give a picture before it: ddf view IMAGE.png {model}")
+        raise errors.InputError(f"{model}: has no {_SAMPLE}; give a picture before it: ddf view IMAGE.png {model}")
     found = reconstruction.reconstruct(picture, model)
     about = f"What the model {found.kind} makes of {picture.name}: {found.verdict}."
     name = found.kind if picture.parent == model else picture.stem
@@ -346,15 +342,15 @@ def scene(
     import numpy as np
 
     from ddf.api import scene as scenes
-    from ddf.core import checks, storage
+    from ddf.core import storage
     from ddf.fields import framed_field, scene_field
     from ddf.geometry import rays
 
     suffix, known = out.suffix.lower(), (*image_files.PICTURES, ".npz")
     if suffix not in known:
-        raise checks.InputError(f"{out}: must end in one of {', '.join(known)}")
+        raise errors.InputError(f"{out}: must end in one of {', '.join(known)}")
     if suffix in image_files.PICTURES and len(outputs) > 1:
-        raise checks.InputError(f"{out}: pictures show one output, .npz holds {len(outputs)}")
+        raise errors.InputError(f"{out}: pictures show one output, .npz holds {len(outputs)}")
     content = scenes.read_content(scene)
     whole = scenes.build(content, scene.parent).framed
     assert isinstance(whole, scene_field.SceneField)

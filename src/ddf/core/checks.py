@@ -9,19 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ddf.core import arrays
+from ddf.core import arrays, errors
 
 UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
 _POINTER = b"version https://git-lfs.github.com/spec/"
-_HEAD, _TAIL = 320, 150  # characters of a message that are kept of a longer one
-
-
-class InputError(ValueError):
-    """The user's input cannot be used. One line, under 500 characters: what, which file, what to do."""
-
-    def __init__(self, message: str) -> None:
-        long = len(message) > _HEAD + _TAIL
-        super().__init__(f"{message[:_HEAD]} ... {message[-_TAIL:]}" if long else message)
+InputError = errors.InputError
 
 
 def require_content(path: str | Path) -> None:

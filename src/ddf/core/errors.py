@@ -1,43 +1,19 @@
-"""What a user is told: unknown names with the known ones, and errors of the user or of the machine.
+"""Errors of the user, and what they are told: unknown names with the known ones, messages in one line.
 
-Those are one line on stderr and exit code 2; anything else keeps its traceback.
+numpy is not imported here: bare help and `ddf doctor` do without.
 """
 
-import signal
-import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
-from ddf.core import extras
+_HEAD, _TAIL = 320, 150  # characters of a message that are kept of a longer one
 
 
-def guarded(function: Callable[[], object], program: str, kept: str = "") -> int:
-    """Call `function`; exit code 0, or 2 after one line on stderr when the user's input or disk is at fault.
+class InputError(ValueError):
+    """The user's input cannot be used. One line, under 500 characters: what, which file, what to do."""
 
-    Args:
-      kept: what is left, and how to go on, where a signal ends the work and nothing says it better; 128 and the
-        signal's number is the code then.
-    """
-    try:
-        function()
-    except (ValueError, OSError) as error:
-        from ddf.core import checks  # here, because it imports numpy, and `ddf doctor` has to run without
-
-        if isinstance(error, ValueError) and not isinstance(error, checks.InputError):
-            raise
-        sys.stderr.write(f"{program}: error: {' '.join(describe(error).split())}\n")
-        return 2
-    except KeyboardInterrupt as stop:
-        told = getattr(stop, "kept", "") or kept
-        told += " the same command" if told.endswith(":") else ""
-        sys.stderr.write(f"{program}: interrupted{f': {told}' if told else ''}\n")
-        return 128 + getattr(stop, "number", signal.SIGINT)
-    except ModuleNotFoundError as error:
-        told = extras.hint(error)
-        if told is None:
-            raise
-        sys.stderr.write(f"{program}: error: {told}\n")
-        return 2
-    return 0
+    def __init__(self, message: str) -> None:
+        long = len(message) > _HEAD + _TAIL
+        super().__init__(f"{message[:_HEAD]} ... {message[-_TAIL:]}" if long else message)
 
 
 def describe(error: Exception) -> str:
@@ -61,6 +37,4 @@ def require_known(where: str, given: Iterable[object], known: Iterable[object]) 
     known = list(known)
     unknown = next((str(key) for key in given if key not in known), None)
     if unknown is not None:
-        from ddf.core import checks
-
-        raise checks.InputError(f"{where}: unknown key {unknown!r}; the keys are {known_names(unknown, known)}")
+        raise InputError(f"{where}: unknown key {unknown!r}; the keys are {known_names(unknown, known)}")

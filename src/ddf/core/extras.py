@@ -3,6 +3,8 @@
 import contextlib
 from collections.abc import Iterator
 
+from ddf.core import errors
+
 DISTRIBUTION = "directed-distance-fields"  # as package indexes name it
 _TORCH = ("onnx", "open3d", "torch", "trimesh")
 _EXPERIMENTS = (
@@ -43,6 +45,4 @@ def named() -> Iterator[None]:
         told = hint(error)
         if told is None:
             raise
-        from ddf.core import checks  # takes numpy, which `ddf doctor` does without
-
-        raise checks.InputError(told) from error
+        raise errors.InputError(told) from error

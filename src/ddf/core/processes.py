@@ -1,4 +1,4 @@
-"""Processes beside each other: signals that end them in order, and locks on files, which go with the process."""
+"""Processes: how they end, by errors and signals; locks on files, which go with the process."""
 
 import contextlib
 import errno
@@ -9,9 +9,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+from ddf.core import errors, extras
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _AGAIN = 1.0  # seconds: a terminal and a scheduler tell all processes, and those tell their children once more
@@ -24,6 +26,32 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, number: int, kept: str = "") -> None:
         super().__init__(kept)
         self.number, self.kept = number, kept
+
+
+def guarded(function: Callable[[], object], program: str, kept: str = "") -> int:
+    """Call `function`; exit code 0, or 2 after one line on stderr when the user's input or disk is at fault.
+
+    Args:
+      kept: what is left, and how to go on, where a signal ends the work and nothing says it better; 128 and the
+        signal's number is the code then.
+    """
+    try:
+        function()
+    except (errors.InputError, OSError) as error:
+        sys.stderr.write(f"{program}: error: {' '.join(errors.describe(error).split())}\n")
+        return 2
+    except KeyboardInterrupt as stop:
+        told = getattr(stop, "kept", "") or kept
+        told += " the same command" if told.endswith(":") else ""
+        sys.stderr.write(f"{program}: interrupted{f': {told}' if told else ''}\n")
+        return 128 + getattr(stop, "number", signal.SIGINT)
+    except ModuleNotFoundError as error:
+        told = extras.hint(error)
+        if told is None:
+            raise
+        sys.stderr.write(f"{program}: error: {told}\n")
+        return 2
+    return 0
 
 
 class Noted:
@@ -81,8 +109,6 @@ def locked(path: Path, busy: str, wait: bool = True) -> Iterator[int]:
     Raises:
       InputError: the file system has no locks, or another process holds it and `wait` is not set.
     """
-    from ddf.core import checks  # takes numpy, which bare help does without
-
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+", encoding="utf-8") as file:
         try:
@@ -92,14 +118,14 @@ def locked(path: Path, busy: str, wait: bool = True) -> Iterator[int]:
                 file.seek(0)
                 said = busy.format(number=file.read().strip() or "unknown")
                 if not wait:
-                    raise checks.InputError(said) from None
+                    raise errors.InputError(said) from None
                 sys.stderr.write(f"{said}; waiting for it to end\n")
                 sys.stderr.flush()
                 fcntl.flock(file, fcntl.LOCK_EX)
         except OSError as error:
             if error.errno not in _NO_LOCKS:
                 raise
-            raise checks.InputError(
+            raise errors.InputError(
                 f"{path}: its file system has no locks ({error.strerror}), so two runs could mix their files; work "
                 "in a folder on a local disk, or have it mounted with locks (NFS: lockd; Lustre: -o flock)"
             ) from error

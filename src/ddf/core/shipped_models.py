@@ -49,9 +49,7 @@ def require(name_or_path: str | Path, *kinds: str) -> Path:
         there = errors.known_names(name_or_path, [model.name for model in listed() if model.kind in kinds])
         raise FileNotFoundError(f"{path}: no such file or folder, and no {kinds[0]} of that name; there are {there}")
     if path.is_file() and path.suffix.lower() in _MESHES:
-        from ddf.core import checks
-
-        raise checks.InputError(f"{path}: this is a mesh; make a field of it first: ddf fit {path} my_field")
+        raise errors.InputError(f"{path}: this is a mesh; make a field of it first: ddf fit {path} my_field")
     return path
 
 

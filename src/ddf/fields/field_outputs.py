@@ -7,6 +7,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ddf.core import errors
+
 READS = ("values", "gradient", "curvature")  # passes of a network, each with those before it
 DEFAULT = ("visibility", "depth", "normals")
 
@@ -100,11 +102,9 @@ OUTPUTS: dict[str, Output] = {
 
 def require(asked: Collection[str], known: Sequence[str] = tuple(OUTPUTS)) -> tuple[str, ...]:
     """What is asked for, as a tuple; InputError where it is nothing, one twice, or one that is not known."""
-    from ddf.core import checks, errors  # take numpy, which help does without
-
     unknown = [name for name in asked if name not in known]
     if unknown or not asked or len(set(asked)) < len(asked):
-        raise checks.InputError(
+        raise errors.InputError(
             f"outputs must be among {errors.known_names((*unknown, '')[0], known)}, each once; got "
             f"{', '.join(unknown or asked) or 'none'}"
         )

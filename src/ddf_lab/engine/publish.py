@@ -12,7 +12,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from ddf.core import errors, provenance, shipped_models, storage
+from ddf.core import processes, provenance, shipped_models, storage
 from ddf.fields import model_files
 from ddf_lab.engine import graph, stage
 from ddf_lab.evaluation import seeds
@@ -88,4 +88,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(errors.guarded(main, "publish"))
+    raise SystemExit(processes.guarded(main, "publish"))

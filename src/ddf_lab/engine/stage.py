@@ -19,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ddf.core import config, errors, notes, processes, provenance, storage
+from ddf.core import config, notes, processes, provenance, storage
 from ddf_lab.engine import graph
 from ddf_lab.run import Run, class_of, time_path
 
@@ -78,7 +78,7 @@ def _start(make: Make, category: bool, seed: bool) -> NoReturn:
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     kept = "what is finished is kept, and the same command goes on from there"
     with processes.raised():
-        sys.exit(errors.guarded(lambda: _run_alone(make, Run.read(**arguments)), Path(sys.argv[0]).stem, kept))
+        sys.exit(processes.guarded(lambda: _run_alone(make, Run.read(**arguments)), Path(sys.argv[0]).stem, kept))
 
 
 def _run_alone(make: Make, run: Run) -> None:
