@@ -29,6 +29,7 @@ from ddf.fields import framed_field, shape_field
 from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_folder, fit_settings, fitting, inspection
 from ddf.geometry import mesh_io, raycast, rays
+from ddf_lab.report import beside
 
 REAL = (
     "spot_23k.obj",
@@ -123,10 +124,7 @@ def _way(name: str, field: framed_field.FramedField, size: int, took: float) -> 
 
 def picture(field: framed_field.FramedField, azimuth: float, elevation: float) -> rays.OrientedPoints:
     """Rays of an image of the field, in the mesh's frame."""
-    camera = (azimuth, elevation, framed_field.framing_radius(field, azimuth, elevation))
-    starts, ways = framed_field.camera_rays(field, camera, SIZE)
-    back = field.field_from_mesh.inverse()
-    return rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+    return beside.camera(field, (azimuth, elevation, framed_field.framing_radius(field, azimuth, elevation)), SIZE)
 
 
 def cast(mesh: mesh_io.Mesh, points: rays.OrientedPoints) -> Way:

@@ -39,10 +39,8 @@ FREE_POINTS, LOOKS, CLEAR = 64, 512, 0.1  # inside: points, rays of each, and ho
 CLOSE = 0.02  # field units, 1 % of the shape
 CHUNK = 4096
 OURS, BOTH, FOOT = "DDF: entry of the box", "DDF, inside rays too", "foot of the perpendicular"
-BUDGETS = (  # f where a ray has arrived, and where one out of steps still has
-    distances.Tracing(12, 1e-2, 1e-2),
-    distances.Tracing(32, 2e-3, 5e-3),
-)
+BUDGET = distances.Tracing(12, 1e-2, 1e-2)  # of six budgets the one with the fewest wrong rays
+TRACED = f"sphere tracing, {BUDGET.max_steps} steps, f < {BUDGET.threshold:g}"
 DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
 
 
@@ -199,8 +197,8 @@ def ray_candidates(
     return found | {FOOT: train(reads, outside, steps=steps)}
 
 
-def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
-    """One network of signed distances, marched on by several budgets."""
+def traced_candidate(place: Place, seconds: float) -> Candidate:
+    """A network of signed distances, marched on; normals are ∇f/‖∇f‖ at the hits, facing back."""
     settings = section()
     loop = dataclasses.replace(settings.loop, learning_rate=DISTANCE_RATE)
     layout = siren.SineLayout(settings.field.hidden, DISTANCE_OMEGA)
@@ -208,19 +206,17 @@ def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
     steps = measuring.steps_within(train, seconds)
     network = train(steps)
 
-    def of(how: distances.Tracing) -> Candidate:
-        def depth(p: Tensor, v: Tensor) -> Tensor:
-            return distances.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), how)[0]
+    def depth(p: Tensor, v: Tensor) -> Tensor:
+        return distances.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), BUDGET)[0]
 
-        return Candidate(depth, functools.partial(traced_normals, network), steps)
+    def normals(p: Tensor, v: Tensor, depth: Tensor) -> Tensor:
+        found = derivatives.trace(network, rays.surface_points(p, v, depth))
+        return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
 
-    return {f"sphere tracing, {how.max_steps} steps, f < {how.threshold:g}": of(how) for how in BUDGETS}
+    return Candidate(depth, normals, steps)
 
 
-def traced_normals(network: siren.SineNetwork, p: Tensor, v: Tensor, depth: Tensor) -> Tensor:
-    """∇f/‖∇f‖ at the hits, facing back."""
-    found = derivatives.trace(network, rays.surface_points(p, v, depth))
-    return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
+LINES = (OURS, BOTH, FOOT, TRACED)  # of the page
 
 
 def main(*, seconds: float = SECONDS) -> measuring.Rows:
@@ -235,7 +231,7 @@ def main(*, seconds: float = SECONDS) -> measuring.Rows:
             draw(place, seeding.generator(0, "ray_parametrisations", name, draw.__name__))
             for draw in (outside_rays, inside_rays, between)
         )
-        found = ray_candidates(place, outside, inside, seconds) | traced_candidates(place, seconds)
+        found = ray_candidates(place, outside, inside, seconds) | {TRACED: traced_candidate(place, seconds)}
         rows = rows_of(name, place, found, inner, seconds)
         yield from ({**row, "times_ddf": row["median_s"] / rows[0]["median_s"]} for row in rows)
 

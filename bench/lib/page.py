@@ -23,12 +23,10 @@ def number(value: float) -> str:
 
 
 def text(value: Any) -> str:
-    """A value of `size`, or beside it, as printed."""
-    if isinstance(value, bool) or value is None:
-        return "yes" if value else "–"
-    if isinstance(value, int | float):
-        return f"{value:,}" if isinstance(value, int) else number(value)
-    return ", ".join(map(text, value)) or "–" if isinstance(value, list) else str(value)
+    """A value of `size` as printed."""
+    if value is None:
+        return "–"
+    return number(value) if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
 
 
 def title(name: str) -> str:
@@ -49,9 +47,10 @@ def table(record: Mapping[str, Any], names: Sequence[str] = ()) -> pages.Table:
     errors = list(dict.fromkeys(name for row in rows for name in row["error"]))[:room]
     lines = []
     for row in rows:
-        ms = number(1e3 * row["median_s"]) if "median_s" in row else "–"
         off = [number(row["error"][name]) if name in row["error"] else "–" for name in errors]
-        lines.append([row["what"], *(text(row["size"].get(name)) for name in sizes), ms, *off])
+        lines.append(
+            [row["what"], *(text(row["size"].get(name)) for name in sizes), number(1e3 * row["median_s"]), *off]
+        )
     same = "; ".join(f"{title(name)} {text(value)}" for name, value in rows[0]["size"].items() if name not in sizes)
     name = record["benchmark"]
     shown = f"{len(rows)} of {len(record['rows'])} lines; all: [{name}.json]({name}.json)."
