@@ -19,7 +19,7 @@ import joblib
 import tqdm
 from joblib.externals import loky
 
-from ddf.core import checks, notes, storage
+from ddf.core import checks, notes, provenance, storage
 
 MAX_FAILURE_SHARE = 0.02
 SCHEDULER_SECONDS = 20  # to wait for the Dask scheduler
@@ -126,7 +126,7 @@ class _Task:
 
     @property
     def note(self) -> notes.Note:
-        text = json.dumps([_plain(item) for item in self.items], sort_keys=True, default=str)
+        text = json.dumps([provenance.plain(item) for item in self.items], sort_keys=True, default=str)
         key = hashlib.sha256(f"{self.shard.fingerprint}\n{text}".encode()).hexdigest()
         return notes.Note(self.shard.file(".json"), key)
 
@@ -186,10 +186,6 @@ def _run_isolated(task: _Task, describe: str) -> None:
 
 def _name(item: Any) -> str:
     return getattr(item, "id", str(item))
-
-
-def _plain(item: Any) -> Any:
-    return dataclasses.asdict(item) if dataclasses.is_dataclass(item) and not isinstance(item, type) else item
 
 
 def _report(failures: Sequence[Failure], total: int, describe: str, path: Path) -> None:

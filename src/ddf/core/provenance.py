@@ -42,7 +42,7 @@ def record(section: Any, seed: int, sources: Iterable[str | Path] = (), module: 
     used = (sys.modules[each] if isinstance(each, str) else each for each in modules)
     code = _hash_of({file for each in used for file in import_closure(str(each.__file__))})
     sums = {Path(path).as_posix(): storage.checksum(path) for path in sources}
-    content = {"config": _plain(section), "sources": [*sums.values()], "code": code}
+    content = {"config": plain(section), "sources": [*sums.values()], "code": code}
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
     return {"fingerprint": digest, "seed": seed, "sources": sums}
 
@@ -133,12 +133,12 @@ def _hash_of(files: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Dataclasses, paths and tuples as what JSON can hold."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return value.as_posix() if isinstance(value, Path) else value
