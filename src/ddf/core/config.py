@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal, TypeVar, cast
 
 import yaml
 
-from ddf.core import checks, errors, schema
+from ddf.core import checks, errors, provenance, schema
 
 T = TypeVar("T")
 CONFIGS = Path("configs")
@@ -197,14 +197,9 @@ def parse(data: Any, cls: type[T], where: str, onto: T | None = None, needed: tu
 
 def plain(section: Any) -> dict[str, Any]:
     """What a file would give to make a section, its parts too, as YAML and JSON hold it."""
-    found: dict[str, Any] = {}
-    for name in schema.fields_of(type(section)):
-        value = getattr(section, name)
-        if dataclasses.is_dataclass(value):
-            found[name] = plain(value)
-        else:
-            found[name] = list(value) if isinstance(value, tuple) else str(value) if isinstance(value, Path) else value
-    return found
+    given = {name: getattr(section, name) for name in schema.fields_of(type(section))}
+    is_part = dataclasses.is_dataclass
+    return {name: plain(each) if is_part(each) else provenance.plain(each) for name, each in given.items()}
 
 
 _REPR = reprlib.Repr()
