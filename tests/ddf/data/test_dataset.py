@@ -161,25 +161,6 @@ def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):
         (root / twice).rmdir()
 
 
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"categories": {}}, "^categories must name"),
-        ({"categories": {"boat": 3}}, "boat"),
-        ({"categories": {"sofa": 3}}, "sofa"),
-        ({"categories": {"chair": None}}, "must be a number"),
-        ({"categories": {"chair": 1}}, r"categories.chair must be in \[2, 100000\]; got 1"),
-        ({"views": 4}, "views must be >= 5; got 4"),
-        ({"seed": -1}, "seed must be >= 0; got -1"),
-        ({"source": "public", "categories": {"chair": 3}}, "categories"),
-        ({"source": "both", "categories": {"boat": None}}, "categories"),
-    ],
-)
-def test_values_out_of_range_are_refused(changes, text):
-    with pytest.raises(checks.InputError, match=text):
-        _config(**changes)
-
-
 @pytest.fixture
 def public_chairs(tmp_path, monkeypatch):
     """A manifest of one training, one validation and one test chair, all the same cube, in a kept package."""

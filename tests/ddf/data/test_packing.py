@@ -49,16 +49,3 @@ def test_depth_rounds_to_half_a_step_and_keeps_misses():
 def test_depth_outside_the_box_is_refused(bad):
     with pytest.raises(checks.InputError, match="depth must be in"):
         packing.encode_depth(np.array([1.0, bad]))
-
-
-def test_decode_keeps_any_leading_axes():
-    arrays = {
-        "U.positions": torch.zeros(2, 5, 3, dtype=torch.int16),
-        "U.directions": torch.full((2, 5, 2), 100, dtype=torch.int16),
-        "U.depth": torch.full((2, 5), packing.MISS, dtype=torch.uint16),
-        "U.normals": torch.zeros(2, 5, 2, dtype=torch.int8),
-    }
-    samples = packing.decode(arrays, "U")
-    assert samples["positions"].shape == samples["normals"].shape == (2, 5, 3)
-    assert not samples["visible"].any() and torch.isinf(samples["depth"]).all()
-    assert_close(samples["directions"].norm(dim=-1), torch.ones(2, 5))

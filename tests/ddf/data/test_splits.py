@@ -47,11 +47,6 @@ def test_lists_follow_the_class_order_and_leave_the_broken_car_out():
     assert splits.list_text(classes, "test").endswith("/99999999/z/rendering/04.dat\n")
 
 
-def test_blob_id_is_that_of_git():
-    assert splits.git_blob_id("") == "e69de29bb2d1d6434b8b29ae775ad8c2e48c5391"
-    assert splits.git_blob_id("hello\n") == "ce013625030ba8dba906f756967f9e9ca394464a"
-
-
 @pytest.mark.parametrize("name", ["../etc", "a/b", "a\\b", "..", ".", "", "a b", "a\n"])
 def test_ids_that_could_leave_their_folder_are_refused(name):
     with pytest.raises(checks.InputError, match="letters, digits"):

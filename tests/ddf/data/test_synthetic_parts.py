@@ -80,12 +80,6 @@ def test_rotations_are_right_handed():
         assert_close(parts.rotation(axis, np.pi / 2) @ unit[start], unit[end], atol=1e-12)
 
 
-def test_mirror_image_lies_at_minus_z():
-    part = parts.box((0, 0, 2), (1, 1, 1), PAINT)
-    both = parts.both_sides([part])
-    assert_close(both[1].vertices, part.vertices * np.array([1, 1, -1]), atol=0)
-
-
 def test_corner_normals_are_flat_on_a_box_and_radial_on_a_fine_sphere():
     box = parts.box((0, 0, 0), (1, 1, 1), PAINT)
     a, b, c = box.vertices[box.triangles].transpose(1, 0, 2)

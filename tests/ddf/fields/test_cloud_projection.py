@@ -7,7 +7,6 @@ import pytest
 import torch
 from _sphere_field import CONFIG, RADIUS, SPREAD, Sphere, projected, sample
 
-from ddf.core import checks
 from ddf.fields import cloud_projection, pddf
 
 
@@ -147,19 +146,6 @@ def test_hits_outside_the_box_are_chosen_last(spread, monkeypatch):
     assert float(cycles[0].visibility[outside].max()) == float(cycles[0].confidence[outside].max()) == 0
     (cloud,) = cloud_projection.select(cycles, [200], config)
     assert float(cloud.abs().max()) <= 1 + cloud_projection.BEYOND
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"temperature": 0.0}, "temperature"),
-        ({"least_confidence": 1.5}, "least_confidence"),
-        ({"recheck": (0.1, 1.5)}, "recheck"),
-    ],
-)
-def test_bad_config_is_refused(change, message):
-    with pytest.raises(checks.InputError, match=message):
-        dataclasses.replace(CONFIG, **change)
 
 
 def test_most_visible_drops_the_least_visible():

@@ -8,7 +8,6 @@ import pytest
 import torch
 from _plain_loss import plain_loss
 
-from ddf.core import checks
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, siren
 
@@ -146,15 +145,6 @@ def test_ground_truth_of_extra_points_is_never_read():
     assert torch.equal(_loss(field, batch), _loss(field, dataclasses.replace(batch, **spoiled)))
 
 
-def test_terms_by_hand():
-    zero, one = torch.zeros(1), torch.ones(1)
-    assert float(losses.transition_loss(torch.tensor([-0.5]), 2.0)) == 2.25
-    assert float(losses.transition_loss(torch.tensor([-3.0]), 2.0)) == 0.0
-    assert float(losses.bernoulli_variance(zero)) == 0.25
-    n = torch.tensor([[0.0, 0.6, 0.8]])
-    assert float(losses.normal_loss(-n, n, one)) == pytest.approx(-1.0)
-
-
 @pytest.mark.parametrize("points", [1, 4, 11, 36, 40, 80, 1000])
 def test_blocks_are_the_batch_in_parts(points):
     batch = dataclasses.replace(_batch(3), visible=torch.arange(3 * sum(COUNTS.values())).view(3, -1).double())
@@ -200,9 +190,3 @@ def test_depth_of_a_miss_is_never_read():
     found = _loss(field, spoiled)
     assert torch.equal(_loss(field, batch), found)
     assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))
-
-
-@pytest.mark.parametrize("changes", [{"depth": -1.0}, *({"depth_huber": value} for value in (0.0, -1.0, math.inf))])
-def test_bad_weights_are_refused(changes):
-    with pytest.raises(checks.InputError, match=next(iter(changes))):
-        dataclasses.replace(WEIGHTS, **changes)

@@ -10,7 +10,7 @@ import pytest
 import torch
 from _shapes import random_rays
 
-from ddf.core import checks, shipped_models
+from ddf.core import shipped_models
 from ddf.fields import framed_field, scene_field, shape_field
 from ddf.geometry import primitives, rays, transforms
 
@@ -155,13 +155,6 @@ def test_scenes_of_one_field_ask_it_once_a_point(count):
     np.testing.assert_allclose(found.distances, np.ones(count))
     np.testing.assert_allclose(found.directions, np.eye(3)[:count])
     assert found.queries == count
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
-@pytest.mark.parametrize("name", ["temperature", "inverse_depth"])
-def test_constants_must_be_positive_and_finite(name, value):
-    with pytest.raises(checks.InputError, match=f"{name} must be positive and finite; got {value}"):
-        scene_field.Blend(**{"temperature": 1.0, name: value})
 
 
 ROWS = [  # visibilities and depths of the fields; visibility, depth and depth of the hard choice

@@ -73,14 +73,6 @@ def test_spacing_is_the_distance_to_the_nearest_other_point():
         neighbours.Neighbours(points[:1]).spacing()
 
 
-@pytest.mark.parametrize("name", _PAIRS)
-def test_distances_come_in_the_order_of_the_cloud_that_asked(name):
-    prediction, truth = _PAIRS[name]
-    searched, asking = neighbours.Neighbours(truth), neighbours.Neighbours(prediction)
-    np.testing.assert_array_equal(searched.dist_sq(asking), searched.dist_sq(prediction))
-    np.testing.assert_allclose(searched.dist_sq(asking), _brute_dist_sq(prediction, truth), rtol=1e-6, atol=0)
-
-
 @pytest.mark.parametrize("extent", [0.0, 5e-324, 1e-308, 1e150])
 def test_clouds_of_any_extent_are_searched(extent):
     points = np.array([[0.0, 0.0, 0.0], [extent, 0.0, extent], [0.0, extent, extent]])
@@ -114,32 +106,6 @@ def test_shifted_grid_in_closed_form():
     assert scores.f_score_tau == scores.precision_tau == scores.recall_tau == 1.0  # <=, not <
     below = cloud_scores.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=np.nextafter(shift**2, 0))
     assert below.f_score_tau == 0.0 and below.f_score_2tau == 1.0
-
-
-def test_identical_clouds_are_perfect_and_swapping_keeps_symmetric_scores():
-    prediction, truth = _cloud(1, 200), _cloud(2, 350)
-    perfect = cloud_scores.compare_clouds(truth, truth[::-1])
-    assert perfect.chamfer_l2_sq == 0.0 and perfect.f_score_tau == perfect.f_score_2tau == 1.0
-    one, other = (
-        cloud_scores.compare_clouds(prediction, truth, 0.01),
-        cloud_scores.compare_clouds(truth, prediction, 0.01),
-    )
-    assert one.chamfer_l2_sq == pytest.approx(other.chamfer_l2_sq, rel=1e-14)
-    assert one.f_score_tau == pytest.approx(other.f_score_tau, rel=1e-14)
-    assert one.precision_tau == other.recall_tau
-
-
-def test_sampling_error_falls_as_one_over_the_number_of_points():
-    generator = np.random.default_rng(0)
-
-    def sphere(count):
-        points = generator.normal(size=(count, 3))
-        return points / np.linalg.norm(points, axis=1, keepdims=True)
-
-    counts = np.array([250, 1000, 4000])
-    errors = [cloud_scores.compare_clouds(sphere(n), sphere(n)).chamfer_l2_sq for n in counts]
-    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert slope == pytest.approx(-1.0, abs=0.1)  # squared spacing of a surface sample: area / n
 
 
 def test_reused_trees_give_the_same_scores():

@@ -8,7 +8,6 @@ import _models
 import pytest
 import torch
 
-from ddf.core import checks
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 from ddf.models import encoders, out_of_distribution, reconstruction_models
 
@@ -39,11 +38,6 @@ def test_encoder_learns_a_latent_and_tells_its_stages(name):
 def test_encoder_is_the_same_in_onnx(name):
     graph = onnx_graphs.EncodersGraph(_model(name).eval(), 32)
     onnx_parity.compare(onnx_file.to_onnx(graph, {}), name, graph, (1, 3))
-
-
-def test_unknown_encoder_is_refused():
-    with pytest.raises(checks.InputError, match=r"train\.encoder must be one of resnet; got 'vit'"):
-        dataclasses.replace(_models.TRAIN, encoder="vit")
 
 
 def test_sizes_alone_do_not_load_the_compiler():

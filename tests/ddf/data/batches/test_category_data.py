@@ -95,17 +95,11 @@ def test_only_what_has_room_goes_to_a_device(monkeypatch, caplog):
     assert "samples of the training set" in caplog.text and "in files: the GPU has no room for them" in caplog.text
 
 
-def test_test_views_are_the_first_of_the_splits():
-    entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
-    unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
-    dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", (*entries, unseen))})
-    assert dataset.views("chair", "train") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
-    assert category_data.test_views(dataset, "chair", 2) == [("b", (2, 3)), ("c", (0, 1))]
-
-
-def test_public_shapes_have_their_own_number_of_test_views():
+def test_test_views_are_the_first_of_the_splits_and_public_shapes_have_their_own_number():
     public = next(row.id for row in manifest.of(["chair"]) if row.split == "test")
-    entries = tuple(shapenet.ShapeEntry(name, (), (0, 1, 2, 3, 4)) for name in ("c", public))
-    dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", entries)})
-    assert category_data.test_views(dataset, "chair", 1, 3) == [("c", (0,)), (public, (0, 1, 2))]
-    assert category_data.test_views(dataset, "chair", 1) == [("c", (0,)), (public, (0, 1, 2, 3, 4))]
+    rows = (("a", (0, 1, 2, 3, 4), ()), ("b", (0, 1), (2, 3, 4)), (public, (), (0, 1, 2, 3, 4)))
+    category = shapenet.CategoryEntry("1", tuple(shapenet.ShapeEntry(*row) for row in rows))
+    data = shapenet.Dataset(Path("root"), {"chair": category})
+    assert data.views("chair", "train") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
+    assert category_data.test_views(data, "chair", 1, 3) == [("b", (2,)), (public, (0, 1, 2))]
+    assert category_data.test_views(data, "chair", 2) == [("b", (2, 3)), (public, (0, 1, 2, 3, 4))]
