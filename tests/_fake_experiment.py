@@ -10,7 +10,7 @@ from ddf.core import storage
 from ddf.geometry import transforms
 
 SIZES = {"L": 400, "S": 150}
-NUM_TRUTH = 700
+NUM_TRUTH, NOISE = 700, 0.004  # points; deviation of a prediction, v1 units
 SIZE = 32  # of the rendered pictures
 
 
@@ -54,10 +54,9 @@ def _renders(count, generator):
 class FakeExperiment:
     """Writes everything below `root` that the evaluate and report stages read; keeps the truth for the tests."""
 
-    def __init__(self, root, categories=("chair", "plane"), train=6, test=3, noise=0.004, name="fake", seed=0):
-        self.root, self.name, self.noise = root, name, noise
-        self.artifacts = root / "artifacts" / name
-        self.generator = np.random.default_rng(seed)
+    def __init__(self, root, categories=("chair", "plane"), train=6, test=3):
+        self.root, self.artifacts = root, root / "artifacts" / "fake"
+        self.generator = np.random.default_rng(0)
         self.categories = {}
         for category in categories:
             shapes = [f"{category}{i:02d}" for i in range(train + test)]
@@ -89,11 +88,8 @@ class FakeExperiment:
             }
             for number, (name, entry) in enumerate(self.categories.items())
         }
-        root = f"artifacts/{self.name}/dataset"
-        storage.write_json(
-            self.artifacts / "dataset" / "index.json",
-            {"root": root, "source": "synthetic", "seed": 0, "categories": categories},
-        )
+        index = {"root": "artifacts/fake/dataset", "source": "synthetic", "seed": 0, "categories": categories}
+        storage.write_json(self.artifacts / "dataset" / "index.json", index)
 
     def _write_dataset(self, category):
         number = list(self.categories).index(category)
@@ -136,20 +132,14 @@ class FakeExperiment:
     def _write_clouds(self, category):
         images, axes = self.images(category), self.categories[category]["axes"]
         count = len(images)
-        camera = np.stack(
-            [
-                self.generator.uniform(0, 2 * np.pi, count),
-                self.generator.uniform(0.43, 0.52, count),
-                self.generator.uniform(0.65, 0.95, count),
-            ],
-            axis=1,
-        )
+        ranges = ((0, 2 * np.pi), (0.43, 0.52), (0.65, 0.95))
+        camera = np.stack([self.generator.uniform(*each, count) for each in ranges], axis=1)
         scale = np.array([axes[shape].max() for shape, _ in images])
         common = {"camera_true": camera, "scale_true": scale, "scale_pred": scale * 1.01}
         common["centre_true"] = np.zeros((count, 3))
         record = {"images": [{"id": shape, "view": view} for shape, view in images], "fingerprint": "x", "seed": 0}
         ddf = {
-            f"{size}.h{cycles}": self._clouds(category, n, self.noise * (4 - cycles))
+            f"{size}.h{cycles}": self._clouds(category, n, NOISE * (4 - cycles))
             for size, n in SIZES.items()
             for cycles in (1, 3)
         }
@@ -162,15 +152,15 @@ class FakeExperiment:
         nearest = [nearest_train_image(row) % len(train_images) for row in range(count)]
         ddf["features"] = ddf["train_features"][nearest] + 0.1
         ddf |= _renders(count, self.generator)
-        three = {"three_views": (scale[:, None, None] * self._clouds(category, SIZES["L"], self.noise))[[0, 2]]}
+        three = {"three_views": (scale[:, None, None] * self._clouds(category, SIZES["L"], NOISE))[[0, 2]]}
         record["three_views"] = [images[0][0], images[2][0]]
         record_ddf = record | {"train_images": train_images, "rendered": list(range(count))}
         folder = self._folder("pointclouds", category)
         storage.save_tensors(folder / "ddf.safetensors", _float32(ddf | three), record_ddf)
-        pcs = {size: self._clouds(category, n, 2 * self.noise) for size, n in SIZES.items()}
+        pcs = {size: self._clouds(category, n, 2 * NOISE) for size, n in SIZES.items()}
         pcs |= common | {"camera_pred": camera + np.array([-0.2, 0.03, 0.02])}
         storage.save_tensors(folder / "pcsiren.safetensors", _float32(pcs | three), record)
-        by = {"true": 3 * self.noise, "pred": 4 * self.noise}
+        by = {"true": 3 * NOISE, "pred": 4 * NOISE}
         image = {
             f"{size}.{name}": self._clouds(category, n, noise)
             for size, n in SIZES.items()
@@ -195,8 +185,8 @@ class FakeExperiment:
 
     def write_config(self, text):
         """The experiment file, whose sections are given as YAML text."""
-        storage.write_text(self.root / "configs" / f"{self.name}.yaml", text)
-        return f"configs/{self.name}.yaml"
+        storage.write_text(self.root / "configs" / "fake.yaml", text)
+        return "configs/fake.yaml"
 
 
 def _float32(tensors):
@@ -205,4 +195,3 @@ def _float32(tensors):
 
 EVALUATE_SECTION = json.dumps({"oracle_points": 100, "oracle_shortlist": 3})
 BENCHMARK = transforms.BENCHMARK_FROM_V1
-__all__ = ["BENCHMARK", "EVALUATE_SECTION", "NUM_TRUTH", "SIZES", "FakeExperiment", "nearest_train_image"]

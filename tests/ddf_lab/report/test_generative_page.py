@@ -49,8 +49,5 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order, told_a
     generative_page.write(run, _generative.GAN, _generative.SCORES)
     text = (run.page / "README.md").read_text()
     assert ("50.0 ± 1.0" in text) == in_order and "1.20 times that of latents optimised" in text
-    told = f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |"
-    rows = (told, "| learned shapes | 0.125 | 75 | 50 |", "| shape VAE | 100 | 2.0 | 1.500 |")
-    assert all(row in text for row in rows)
-    works = told_apart == 0.75
-    assert f"This model {'works' if works else 'fails'}: its samples are told apart" in text
+    assert f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |" in text
+    assert f"This model {'works' if in_order else 'fails'}: its samples are told apart" in text
