@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 
-from ddf.core import distributed, provenance
+from ddf.core import provenance
 from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import out_of_distribution, reconstruction_models, reconstruction_settings
@@ -13,11 +13,10 @@ from ddf_lab.run import Run
 
 
 @stage.main(category=True, seed=True)
-@distributed.shared
 def make(run: Run) -> None:
     train = run.reseeded(reconstruction_settings.TrainConfig)
     section = run.section(reconstruction_settings.DDFConfig)
-    training_loop.prepare(train.loop, train.batch_size)
+    training_loop.prepare(train.loop)
 
     images, shapes, sources = category_data.read_training(
         run.index, run.folder("samples"), run.category, train.image_size
@@ -38,7 +37,6 @@ def make(run: Run) -> None:
     groups = model.parameter_groups(section.encoder_share(train.loop))
     out_dir, loop, label = run.folder("train_ddf", seed=run.seed), section.loop(train.loop), f"ddf {run.label}"
     training_loop.fit(model, groups, step, section.steps, loop, out_dir, record, label)
-    if distributed.rank() == 0:
-        statistics = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), images))
-        if statistics is not None:
-            statistics.add_to(out_dir)
+    statistics = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), images))
+    if statistics is not None:
+        statistics.add_to(out_dir)

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 
-from ddf.core import distributed, provenance
+from ddf.core import provenance
 from ddf.fields import model_files
 from ddf.models import generative_settings
 from ddf.training import generative_steps, shape_data, training_loop
@@ -12,10 +12,9 @@ from ddf_lab.run import Run
 
 
 @stage.main(category=True)
-@distributed.shared
 def make(run: Run) -> None:
     section = run.section(generative_settings.ScoresConfig).features
-    training_loop.prepare(section.loop, section.batch_size)
+    training_loop.prepare(section.loop)
 
     images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category)
     model = generative_steps.FeatureNetwork(section, len(images.ids)).to(model_files.device())

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from ddf.core import distributed, provenance
+from ddf.core import provenance
 from ddf.fields import model_files
 from ddf.models import generated_images, generative_models, generative_settings
 from ddf.training import generative_steps, shape_data, training_loop
@@ -11,11 +11,10 @@ from ddf_lab.run import Run
 
 
 @stage.main(category=True)
-@distributed.shared
 def make(run: Run) -> None:
     gan = run.section(generative_settings.GANConfig)
     vae_dir = run.folder("train_vae")
-    training_loop.prepare(gan.loop, gan.batch_size)
+    training_loop.prepare(gan.loop)
 
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
     normals, shards = generated_images.read_normals(run.folder("normals"))

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from ddf.core import distributed, provenance
+from ddf.core import provenance
 from ddf.fields import model_files
 from ddf.models import generative_models, generative_settings
 from ddf.training import generative_steps, shape_data, training_loop
@@ -11,10 +11,9 @@ from ddf_lab.run import Run
 
 
 @stage.main(category=True)
-@distributed.shared
 def make(run: Run) -> None:
     gan = run.section(generative_settings.GANConfig)
-    training_loop.prepare(gan.loop, gan.batch_size)
+    training_loop.prepare(gan.loop)
 
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
     model = generative_models.NoiseGAN(gan).to(model_files.device())

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 
-from ddf.core import distributed, provenance
+from ddf.core import provenance
 from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import reconstruction_models, reconstruction_settings
@@ -13,11 +13,10 @@ from ddf_lab.run import Run
 
 
 @stage.main(category=True, seed=True)
-@distributed.shared
 def make(run: Run) -> None:
     train = run.reseeded(reconstruction_settings.TrainConfig)
     section = run.section(reconstruction_settings.PCSirenConfig)
-    training_loop.prepare(train.loop, train.batch_size)
+    training_loop.prepare(train.loop)
 
     images, shapes, sources = category_data.read_training(
         run.index, run.folder("samples"), run.category, train.image_size

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 
-from ddf.core import distributed, provenance
+from ddf.core import provenance
 from ddf.fields import model_files
 from ddf.models import generative_models, generative_settings
 from ddf.training import generative_steps, shape_data, training_loop
@@ -12,11 +12,10 @@ from ddf_lab.run import Run
 
 
 @stage.main(category=True)
-@distributed.shared
 def make(run: Run) -> None:
     section = run.section(generative_settings.VAEConfig)
     samples_dir = run.folder("samples")
-    training_loop.prepare(section.loop, section.batch_size)
+    training_loop.prepare(section.loop)
 
     learned = shape_data.parts(run.index, samples_dir, run.category, section.held_out).learned
     shapes, sources = shape_data.read(samples_dir, learned)

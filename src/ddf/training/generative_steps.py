@@ -22,7 +22,6 @@ from jaxtyping import Float, Int8
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ddf.core import distributed
 from ddf.data.batches import category_data
 from ddf.fields import losses, model_files
 from ddf.models import generated_images, generative_models, generative_settings, image_networks
@@ -38,18 +37,14 @@ Update = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 def vae_step(
     model: generative_models.ShapeVAE, shapes: shape_data.Shapes, step: int
 ) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
-    """The loss on random shapes of step `step`: their clouds are encoded, samples of the same shapes decoded.
-
-    Of several processes each has a part of the shapes, and dropout of its own.
-    """
+    """The loss on random shapes of step `step`: their clouds are encoded, samples of the same shapes decoded."""
     settings, place = model.config, model.field_scale.device
     random = np.random.default_rng((settings.loop.seed, step))
     drawn = random.choice(len(shapes.ids), settings.batch_size, replace=len(shapes.ids) < settings.batch_size)
-    part = distributed.part(settings.batch_size)
-    clouds = shapes.clouds(drawn, settings.points, random, part)
-    noise = random.standard_normal((settings.batch_size, settings.latent_features))[part].astype(np.float32)
-    points = shapes.samples.draw(drawn, settings.counts, random, part).to(place)
-    torch.manual_seed(int(random.integers(2**62)) + distributed.rank())  # of dropout
+    clouds = shapes.clouds(drawn, settings.points, random)
+    noise = random.standard_normal((settings.batch_size, settings.latent_features)).astype(np.float32)
+    points = shapes.samples.draw(drawn, settings.counts, random).to(place)
+    torch.manual_seed(int(random.integers(2**62)))  # of dropout
     mean, log_variance = model.posterior(*(values.to(place) for values in clouds))
     latent = mean + (0.5 * log_variance).exp() * torch.from_numpy(noise).to(place)
     modulations = model.decoder.modulator(latent)
@@ -66,31 +61,30 @@ def on_white(images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b 3 h w"]:
 
 @dataclasses.dataclass(frozen=True)
 class Draw:
-    """What one update draws, for the whole batch; of several processes each keeps a part."""
+    """What one update draws."""
 
     random: np.random.Generator
-    part: slice
     batch: int
 
     @classmethod
     def of(cls, config: generative_settings.GANConfig, step: int, turn: int) -> "Draw":
         """Of update `turn` of step `step`; the same every time."""
         random = np.random.default_rng((config.loop.seed, step, turn))
-        return cls(random, distributed.part(config.batch_size), config.batch_size)
+        return cls(random, config.batch_size)
 
     def real(self, images: category_data.ImageSet) -> Float[Tensor, "b 3 h w"]:
         """Random images of the pool."""
-        rows = self.random.integers(0, len(images.shapes), self.batch)[self.part]
+        rows = self.random.integers(0, len(images.shapes), self.batch)
         return on_white(images.batch(rows)).to(model_files.device())
 
     def normal(self, features: int) -> Float[Tensor, "b features"]:
         """N(0, I)."""
-        values = self.random.standard_normal((self.batch, features))[self.part].astype(np.float32)
+        values = self.random.standard_normal((self.batch, features)).astype(np.float32)
         return torch.from_numpy(values).to(model_files.device())
 
     def shapes(self, normals: Int8[Tensor, "n 3 h w"]) -> Float[Tensor, "b 3 h w"]:
         """Normals in [-1, 1] of random shapes, rendered ahead."""
-        rows = self.random.integers(0, len(normals), self.batch)[self.part]
+        rows = self.random.integers(0, len(normals), self.batch)
         return normals[torch.from_numpy(rows)].to(model_files.device()).float() / generated_images.LEVELS
 
 
@@ -192,7 +186,7 @@ def features_step(
     """Cross-entropy of the shape + squared error of (cos, sin) of the azimuth, over random images."""
     random = np.random.default_rng((model.settings.loop.seed, step))
     batch = model.settings.batch_size
-    rows = random.integers(0, len(images.shapes), batch)[distributed.part(batch)]
+    rows = random.integers(0, len(images.shapes), batch)
     place = next(model.parameters()).device
     found = model.body(on_white(images.batch(rows)).to(place))
     shape = functional.cross_entropy(found[:, : model.shapes], torch.from_numpy(images.shapes[rows]).to(place))

@@ -75,7 +75,7 @@ def ddf_image_step(
     """
     batch = reconstruction_steps.Batch.draw(images, train, step)
     place = batch.images.device
-    points = samples.draw(batch.drawn, config.counts(), batch.random, batch.part).to(place)
+    points = samples.draw(batch.shapes, config.counts(), batch.random).to(place)
     scale = arrays.send(shapes.field_scales(batch.shapes), place)[:, None]
     shift = arrays.send(shapes.field_shifts(batch.shapes), place)[:, None]
     unit = line_field.FIELD_FROM_V1 / scale
@@ -83,7 +83,7 @@ def ddf_image_step(
     seen_from = batch.cameras
     directions = points.directions
     if config.camera_noise:
-        noise = torch.from_numpy(batch.random.standard_normal((len(batch.drawn), 3))[batch.part]).to(seen_from)
+        noise = torch.from_numpy(batch.random.standard_normal((len(batch.shapes), 3))).to(seen_from)
         size = seen_from.new_tensor(USUAL_ERROR) * config.camera_noise
         erring = seen_from + noise * size * torch.cat((torch.ones_like(seen_from[:, :2]), seen_from[:, 2:]), dim=-1)
         positions, directions = turned(positions, directions, seen_from, erring)

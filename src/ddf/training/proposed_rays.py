@@ -112,20 +112,16 @@ class Proposer:
         modulations: Sequence[Float[Tensor, "b 1 _"]],
         chosen: Int[np.ndarray, "b"],
         random: np.random.Generator,
-        part: slice = slice(None),
     ) -> sample_batch.SampleBatch:
-        """`stored`, of `part` of the shapes `chosen`, with rays of type P behind; all on the device of `stored`.
-
-        What `random` gives is drawn for all of `chosen`, so that every process of a training goes on with the same.
-        """
+        """`stored`, of the shapes `chosen`, with rays of type P behind; all on the device of `stored`."""
         place = stored.positions.device
         starts = self._starts(chosen, random)
         size = (*starts.shape[:2], self.config.directions, 3)
-        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))[part]
-        starts, candidates = arrays.send(starts[part], place), arrays.send(candidates, place)
+        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))
+        starts, candidates = arrays.send(starts, place), arrays.send(candidates, place)
         candidates = torch.nn.functional.normalize(candidates, dim=-1)
         directions = propose(field, modulations, starts, candidates)
-        depth, triangle = self._first_hits(chosen[part], starts, directions)
+        depth, triangle = self._first_hits(chosen, starts, directions)
         visible = triangle >= 0
         depth = depth.masked_fill(~visible, 0.0)
         normals = torch.zeros_like(starts)  # never read

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import arrays, distributed
+from ddf.core import arrays
 from ddf.data.batches import category_data
 from ddf.fields import losses, model_files
 from ddf.geometry import cameras
@@ -20,14 +20,8 @@ GROUP = 32  # distances of which the least is found first, at most
 
 @dataclass(frozen=True)
 class Batch:
-    """Images of one step with the cameras and shapes that they show; everything on the model's device.
+    """Images of one step with the cameras and shapes that they show; everything on the model's device."""
 
-    Of several processes (`distributed`) each has a part of the images, `part`, and what belongs to them; drawn: the
-    shapes of all. `random` is the same everywhere: every process draws for all images and keeps what is its own.
-    """
-
-    part: slice
-    drawn: np.ndarray
     rows: np.ndarray
     shapes: np.ndarray
     images: Float[Tensor, "b 4 size size"]
@@ -40,17 +34,15 @@ class Batch:
         random = np.random.default_rng((config.loop.seed, step))
         repeated = len(images.shapes) < config.batch_size
         rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
-        part, place = distributed.part(config.batch_size), model_files.device()
-        drawn, rows = images.shapes[rows], rows[part]
+        place = model_files.device()
         shown = arrays.send(images.batch(rows), place)
         poses = arrays.send(images.cameras_of(rows), place)
-        return cls(part, drawn, rows, drawn[part], shown, poses, random)
+        return cls(rows, images.shapes[rows], shown, poses, random)
 
     def chances(self, count: int) -> Float[Tensor, "b count"]:
         """Random numbers in [0, 1) for each image: the same on every device."""
         generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
-        drawn = torch.rand((len(self.drawn), count), generator=generator)
-        return arrays.send(drawn[self.part], self.images.device)
+        return arrays.send(torch.rand((len(self.shapes), count), generator=generator), self.images.device)
 
 
 def ddf_step(
@@ -67,9 +59,9 @@ def ddf_step(
     batch = Batch.draw(images, train, step)
     place = batch.images.device
     modulations = model.modulations(model.shape_encoder(batch.images))
-    points = samples.draw(batch.drawn, config.counts, batch.random, batch.part).to(place)
+    points = samples.draw(batch.shapes, config.counts, batch.random).to(place)
     if propose is not None:
-        points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
+        points = propose(points, model.field, modulations, batch.shapes, batch.random)
     shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights)
     from_cameras, seen_from = camera_loss(model, batch, train)
     mask_loss = reconstruction_models.mask_loss(
@@ -113,8 +105,8 @@ def pcsiren_step(
     """D_C in the field frame + γ_RΠ L_Π."""
     batch = Batch.draw(images, train, step)
     place = batch.images.device
-    truth = arrays.send(shapes.subsets(batch.drawn, config.truth_points, batch.random, batch.part), place)
-    seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
+    truth = arrays.send(shapes.subsets(batch.shapes, config.truth_points, batch.random), place)
+    seeds = batch.random.uniform(-1, 1, (len(batch.shapes), config.points, 3)).astype(np.float32)
     predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss(predicted, truth)
     from_cameras, _ = camera_loss(model, batch, train)

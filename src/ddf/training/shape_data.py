@@ -85,11 +85,11 @@ class Shapes:
     scales: Float[np.ndarray, "shapes"]
 
     def clouds(
-        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
-    ) -> tuple[Float[Tensor, "part count 3"], Float[Tensor, "part count 3"]]:
+        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator
+    ) -> tuple[Float[Tensor, "b count 3"], Float[Tensor, "b count 3"]]:
         """Random surface points of each shape with the surface's normals, field frame."""
-        rows = random.integers(0, self.samples.stored[SURFACE], (len(shapes), count))[part]
-        found = self.samples.decoded(shapes[part], {SURFACE: rows})
+        rows = random.integers(0, self.samples.stored[SURFACE], (len(shapes), count))
+        found = self.samples.decoded(shapes, {SURFACE: rows})
         return found["positions"], found["normals"]
 
 

@@ -21,7 +21,7 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf.core import checks, distributed, processes, storage
+from ddf.core import checks, processes, storage
 from ddf.fields import model_files
 from ddf.models import loop_config
 from ddf.training import optimisers
@@ -33,18 +33,8 @@ PLATEAU_STEPS, PLATEAU_SHARE = 5000, 1e-4
 StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 
 
-def prepare(config: loop_config.LoopConfig, batch_size: int | None = None) -> None:
-    """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed.
-
-    Args:
-      batch_size: images of a step, of which every process takes a part; None for work that one process does.
-    Raises:
-      InputError: several processes were started for such work, or cannot share the images equally.
-    """
-    if batch_size is None and distributed.launched() > 1:
-        raise checks.InputError(f"this runs on one process; got {distributed.launched()}: leave out torchrun (LAUNCH)")
-    if batch_size is not None:
-        distributed.part(batch_size)
+def prepare(config: loop_config.LoopConfig) -> None:
+    """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed."""
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
     if model_files.device().type == "cpu":
@@ -68,38 +58,33 @@ def fit(
 ) -> tuple[int, float]:
     """Optimise `model`, resuming from `out_dir` if its checkpoint has the same fingerprint; write model and log there.
 
-    Of several processes (`distributed`) the first one writes; the others need to read the same folder. With
-    `config.ema` the file holds the average, and so does `model` in the end.
+    With `config.ema` the file holds the average, and so does `model` in the end.
 
     Args:
       groups: the optimiser's parameter groups.
-      step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's. Of
-        several, such as those of a GAN's critic and generator, each is followed by an update of the parameters that it
-        has a gradient in; the log has the terms of all and the last one's loss.
-      steps: how many, or for how long (of one process alone).
+      step_loss: step number to loss and terms for the log; means over the batch. Of several, such as those of a
+        GAN's critic and generator, each is followed by an update of the parameters that it has a gradient in; the log
+        has the terms of all and the last one's loss.
+      steps: how many, or for how long.
       record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
     Returns:
       Steps and seconds of all runs that led to the model.
     Raises:
-      Interrupted: SIGINT or SIGTERM came; the first process has written a checkpoint, from which the next call goes on.
+      Interrupted: SIGINT or SIGTERM came; a checkpoint is written, from which the next call goes on.
       FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
-      InputError: processes differ in data, config or checkpoint.
     """
-    first = distributed.rank() == 0
     updates = [step_loss] if callable(step_loss) else step_loss
-    distributed.share_batch_statistics(model)
     optimiser = optimisers.Optimiser(model, groups, config)
     average = _average(model, config)
     checkpoint = _Checkpoint(out_dir, record["fingerprint"], model, average, optimiser)
     start, rows, spent = checkpoint.resume()
-    distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
     done = start
     saved_at, saving = time.monotonic(), 1.0
     began = saved_at - spent
     log_every = config.log_every or (
         50 if isinstance(steps, loop_config.Clock) else max(1, min(steps // 6, max(50, steps // 1000)))
     )
-    progress = _progress(steps, start, describe, disable=not first)
+    progress = _progress(steps, start, describe)
     model.train()
     reduced = 0
     for step, signal in processes.counted(start):
@@ -115,7 +100,6 @@ def fit(
             terms |= {"loss": loss.detach(), **found}
             optimiser.zero_grad()
             loss.backward()
-            distributed.average_gradients(model.parameters())
             if config.clip_norm is not None:
                 nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
             optimiser.step()
@@ -130,25 +114,21 @@ def fit(
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
         progress.update(_shown(steps, done, spent) - progress.n)
         begins = time.monotonic()
-        if first and saves:
+        if saves:
             # equal runs by steps have equal bytes
             checkpoint.save(rows, {"seconds": spent} if isinstance(steps, loop_config.Clock) else {}, done)
-        if saves:
             saved_at = time.monotonic()
             saving = max(1.0, saved_at - begins)
         if last:
             break
         if signal.number:
             progress.close()
-            raise processes.Interrupted(
-                signal.number, f"step {done:,} is kept in {out_dir}; go on by:" if first else ""
-            )
+            raise processes.Interrupted(signal.number, f"step {done:,} is kept in {out_dir}; go on by:")
     progress.close()
     if average is not None:
         model.load_state_dict(average.module.state_dict())
-    if first:
-        storage.save_tensors(out_dir / model_files.MODEL, dict(model.state_dict()), {**record, "steps": done})
-        _write_log(out_dir / LOG, rows)
+    storage.save_tensors(out_dir / model_files.MODEL, dict(model.state_dict()), {**record, "steps": done})
+    _write_log(out_dir / LOG, rows)
     return done, spent
 
 
@@ -164,13 +144,11 @@ def _horizon(steps: int | loop_config.Clock, step: int, spent: float) -> int:
     return max(round(step * steps.seconds / spent), step + 1) if step and spent > 0 else 1 << 30
 
 
-def _progress(steps: int | loop_config.Clock, start: int, describe: str, disable: bool) -> tqdm.tqdm:
+def _progress(steps: int | loop_config.Clock, start: int, describe: str) -> tqdm.tqdm:
     """A bar of steps, or of seconds."""
     clock = isinstance(steps, loop_config.Clock)
     total, unit = (round(steps.seconds), "s") if clock else (steps, "step")
-    return tqdm.tqdm(
-        initial=0 if clock else start, total=total, desc=describe, unit=unit, mininterval=2, disable=disable
-    )
+    return tqdm.tqdm(initial=0 if clock else start, total=total, desc=describe, unit=unit, mininterval=2)
 
 
 def _shown(steps: int | loop_config.Clock, done: int, spent: float) -> int:
@@ -215,7 +193,7 @@ def _write_log(path: Path, rows: list[dict[str, float]]) -> None:
 
 
 def _log_row(step: int, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
-    values = {name: float(value) for name, value in distributed.means(terms).items()}
+    values = {name: float(value) for name, value in terms.items()}
     if not math.isfinite(values["loss"]):
         raise FloatingPointError(f"loss is {values['loss']} at step {step}; the last checkpoint in {out_dir} is whole")
     return {"step": float(step), **values, "seconds": seconds}

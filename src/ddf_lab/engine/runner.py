@@ -138,7 +138,6 @@ class _Work:
             "PYTHONUNBUFFERED": "1",
             "DDF_DATA": root.read_text(encoding="utf-8").rstrip("\n") if root.is_file() else "",
             "LAUNCH": launch,
-            "PET_NO_PYTHON": "1",  # torchrun in LAUNCH starts the command behind it, which is not a script
         }
         self._descriptor = descriptor
         self._console = Console(sys.stderr)

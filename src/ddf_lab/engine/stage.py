@@ -11,7 +11,6 @@ import dataclasses
 import hashlib
 import json
 import logging
-import os
 import shutil
 import sys
 import time
@@ -85,23 +84,19 @@ def _run_alone(make: Make, run: Run) -> None:
     """Run while holding the stage's lock, then note its seconds and what was made of what.
 
     Where the note of an earlier run fits, nothing is done. A killed engine can leave a stage's process behind that
-    still writes the same files. The lock is the kernel's and goes with that process; of the processes of one
-    distributed training only the first takes it.
+    still writes the same files. The lock is the kernel's and goes with that process.
     """
     name = Path(sys.argv[0]).stem
     record = time_path(run.name, name, run.category, run.seed)
     record.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
-        first = os.environ.get("RANK", "0") == "0"
-        if first:
-            busy = f"an earlier process of this stage ({{number}}) is still at work on {run.file}"
-            stack.enter_context(processes.locked(record.with_suffix(".lock"), busy))
+        busy = f"an earlier process of this stage ({{number}}) is still at work on {run.file}"
+        stack.enter_context(processes.locked(record.with_suffix(".lock"), busy))
         item = graph.find(name, run)
         made = notes.Note(record, "") if item is None else note(item, checksums(item))
         done = item is not None and made.fits()
-        if first:
-            what = f"{name} {run.label}".rstrip()
-            sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
+        what = f"{name} {run.label}".rstrip()
+        sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
         if done:
             return
         outputs = [] if item is None else item.outputs

@@ -21,7 +21,7 @@ import tqdm
 from jaxtyping import Float, Int, Int16, UInt8
 from torch import Tensor
 
-from ddf.core import arrays, checks, distributed, storage
+from ddf.core import arrays, checks, storage
 from ddf.data import packing, shapenet
 from ddf.data.public import manifest
 from ddf.data.samples import sample_batch, sample_types
@@ -134,14 +134,12 @@ class ShapeSet:
         }
 
     def subsets(
-        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
-    ) -> Float[Tensor, "own count 3"]:
-        """Random points of the clouds of `part` of the shapes, drawn for all of them, where the clouds are; without
-        repetition as long as there are enough.
-        """
+        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator
+    ) -> Float[Tensor, "b count 3"]:
+        """Random points of the shapes' clouds, where the clouds are; without repetition as long as there are enough."""
         sizes = np.diff(self.offsets)
         rows = [self.offsets[i] + random.choice(sizes[i], count, replace=bool(sizes[i] < count)) for i in shapes]
-        return self.points[arrays.send(np.stack(rows)[part], self.points.device)]
+        return self.points[arrays.send(np.stack(rows), self.points.device)]
 
 
 @dataclass(frozen=True)
@@ -173,22 +171,16 @@ class SampleSet:
         return packing.decode_fields(packing.parted(found))
 
     def draw(
-        self,
-        shapes: Int[np.ndarray, "b"],
-        counts: Mapping[str, int],
-        random: np.random.Generator,
-        part: slice = slice(None),
+        self, shapes: Int[np.ndarray, "b"], counts: Mapping[str, int], random: np.random.Generator
     ) -> sample_batch.SampleBatch:
-        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth;
-        of the shapes `part` alone, with the samples that they have among all.
-        """
-        unknown = _without_truth(len(shapes), counts["E"], random, part, self.records.device)
+        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth."""
+        unknown = _without_truth(len(shapes), counts["E"], random, self.records.device)
         wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
         drawn = {
-            name: random.integers(0, self.stored[sample_types.base(name)], (len(shapes), count))[part]
+            name: random.integers(0, self.stored[sample_types.base(name)], (len(shapes), count))
             for name, count in wanted.items()
         }
-        parts = [unknown, self.decoded(shapes[part], drawn)]
+        parts = [unknown, self.decoded(shapes, drawn)]
         columns = {name: torch.cat([each[name] for each in parts], dim=1) for name in packing.Samples.__annotations__}
         return sample_batch.SampleBatch(
             positions=columns["positions"],
@@ -200,12 +192,10 @@ class SampleSet:
         )
 
 
-def _without_truth(
-    shapes: int, count: int, random: np.random.Generator, part: slice, place: torch.device
-) -> packing.Samples:
-    """Uniform oriented points of so many shapes, without ground truth; those of the shapes `part` are kept."""
-    position = random.uniform(-1, 1, (shapes, count, 3))[part].astype(np.float32)
-    direction = random.standard_normal((shapes, count, 3))[part].astype(np.float32)
+def _without_truth(shapes: int, count: int, random: np.random.Generator, place: torch.device) -> packing.Samples:
+    """Uniform oriented points of so many shapes, without ground truth."""
+    position = random.uniform(-1, 1, (shapes, count, 3)).astype(np.float32)
+    direction = random.standard_normal((shapes, count, 3)).astype(np.float32)
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     unknown = torch.zeros(position.shape[:2], device=place)
     positions, directions = arrays.send(position, place), arrays.send(direction, place)
@@ -252,9 +242,7 @@ def read_images(
     if not len(index):
         raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
     images, poses, all_views = mapped((len(index), 4, size, size), np.uint8), [], []
-    others = distributed.rank() > 0  # show no progress
-    progress = tqdm.tqdm(shapes, desc=f"images {category}", unit="shape", mininterval=2, disable=others)
-    for shape_id, views in progress:
+    for shape_id, views in tqdm.tqdm(shapes, desc=f"images {category}", unit="shape", mininterval=2):
         table = torch.tensor(dataset.cameras(category, shape_id), dtype=torch.float64)
         for view in views:
             images[len(all_views)] = (dataset.image(category, shape_id, view, size) * 255).round().to(torch.uint8)
