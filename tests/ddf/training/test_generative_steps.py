@@ -94,7 +94,7 @@ def test_critic_and_generator_are_moved_by_their_own_updates(name):
 
 
 def _fit(name, folder, stop_at=None):
-    training_loop.prepare(_generative.LOOP, 2)
+    training_loop.prepare(_generative.LOOP)
     make, updates_of = MODELS[name]
     model = make().train()
     *others, last = updates_of(model)
@@ -143,9 +143,3 @@ def test_encoder_and_decoder_both_get_gradients():
     still = [name for name, each in model.named_parameters() if each.grad is None or not each.grad.any()]
     # biases before a batch normalisation have none but rounding
     assert not [name for name in still if not name.endswith("bias")]
-
-
-def test_a_part_of_the_clouds_is_that_of_all():
-    both = functools.partial(SHAPES.clouds, np.array([2, 0, 1]), 4)
-    part = both(np.random.default_rng(0), slice(1, 2))[0]
-    assert_close(part[0], both(np.random.default_rng(0))[0][1])
