@@ -56,13 +56,6 @@ def test_seams_lie_at_whole_numbers_of_the_first_two_axes():
     assert_close(texture.shares(places), _array([1, 1, 0, 0, 0.5]), atol=1e-4)
 
 
-def test_shift_moves_a_pattern_by_periods():
-    whole = palette.Texture("stripes", (0.0, 0.0, 0.0), ((4.0, 0.0, 0.0), *STILL[1:]))
-    moved = dataclasses.replace(whole, shift=(0.5, 0.0, 0.0))
-    places = np.random.default_rng(1).uniform(-0.5, 0.5, (100, 3)).astype(np.float32)
-    assert_close(moved.shares(places), whole.shares(places + _array([0.125, 0, 0])), atol=1e-4)
-
-
 def test_two_lamps_of_the_renders_give_their_closed_form_and_cast_no_shadow():
     normals, directions = _units(500, 0), _units(500, 1)
     diffuse, shine, shadow = render.illuminate(LAMPS, 77.0, normals, directions, np.full(500, 9, np.float32), _never)

@@ -57,30 +57,22 @@ def _message(call, *arguments):
 
 
 def test_bad_images_are_named(tmp_path):
-    good = tmp_path / "good.png"
-    _save(good, _disc())
-    data = good.read_bytes()
-    (tmp_path / "truncated.png").write_bytes(data[: len(data) // 2])
-    (tmp_path / "headless.png").write_bytes(data[20:])
-    (tmp_path / "empty.png").write_bytes(b"")
-    flipped = bytearray(data)
-    flipped[len(data) // 2] ^= 0xFF
-    (tmp_path / "flipped.png").write_bytes(flipped)
-    _save(tmp_path / "rgb.png", _disc()[..., :3])
-    _save(tmp_path / "small.png", _disc()[:100, :100])
-    expected = {
-        "missing": "no such image",
-        "truncated": "not a readable PNG",
-        "headless": "not a readable PNG",
-        "empty": "not a readable PNG",
-        "flipped": "not a readable PNG",
-        "rgb": "must be RGBA, its alpha is the mask of the shape; got RGB",
-        "small": "must be 137 x 137 pixels, as the camera model is; got 100 x 100",
-    }
-    for name, text in expected.items():
-        path = tmp_path / f"{name}.png"
-        message = _message(shapenet.read_image, path, 64)
-        assert message.startswith(f"{path}: ") and text in message
+    path = tmp_path / "00.png"
+    _save(path, _disc())
+    data = path.read_bytes()
+    half = len(data) // 2
+    flipped = data[:half] + bytes([data[half] ^ 0xFF]) + data[half + 1 :]
+    for broken in (data[:half], data[20:], b"", flipped):
+        path.write_bytes(broken)
+        assert _message(shapenet.read_image, path, 64).startswith(f"{path}: not a readable PNG")
+    for pixels, text in (
+        (_disc()[..., :3], "must be RGBA, its alpha is the mask"),
+        (_disc()[:100], "must be 137 x 137"),
+    ):
+        _save(path, pixels)
+        assert _message(shapenet.read_image, path, 64).startswith(f"{path}: {text}")
+    path.unlink()
+    assert "no such image" in _message(shapenet.read_image, path, 64)
 
 
 def test_cameras_are_read_row_by_row(tmp_path):
@@ -148,18 +140,15 @@ def test_junk_of_computers_is_passed_over_and_the_unknown_is_named(tmp_path, cap
 
 
 def test_data_set_gives_views_by_side(tmp_path):
-    shapes = [
-        {"id": "a", "train_views": [0, 1], "test_views": []},
-        {"id": "b", "train_views": [0], "test_views": [1]},
-        {"id": "c", "train_views": [], "test_views": [0, 1]},
-    ]
+    sides = {"a": ([0, 1], []), "b": ([0], [1]), "c": ([], [0, 1])}
+    shapes = [{"id": name, "train_views": train, "test_views": test} for name, (train, test) in sides.items()]
     index = {"root": "some/where", "categories": {"chair": {"synset": CHAIR, "shapes": shapes}}}
     (tmp_path / "index.json").write_text(json.dumps(index))
-    dataset = shapenet.Dataset.open(tmp_path / "index.json")
-    assert dataset.views("chair", "train") == [("a", (0, 1)), ("b", (0,))]
-    assert dataset.views("chair", "test") == [("b", (1,)), ("c", (0, 1))]
-    assert dataset.model("chair", "a").as_posix() == f"some/where/ShapeNetCore.v1/{CHAIR}/a/model.obj"
-    assert "it has chair" in _message(dataset.category, "plane")
+    data = shapenet.Dataset.open(tmp_path / "index.json")
+    for side, found in zip(("train", "test"), zip(*sides.values(), strict=True), strict=True):
+        assert data.views("chair", side) == [(name, tuple(own)) for name, own in zip(sides, found, strict=True) if own]
+    assert data.model("chair", "a").as_posix() == f"some/where/ShapeNetCore.v1/{CHAIR}/a/model.obj"
+    assert "it has chair" in _message(data.category, "plane")
 
 
 @pytest.mark.parametrize("text", ["[]", "{}", '{"root": "x", "categories": {"chair": {}}}', "{"])

@@ -49,22 +49,19 @@ def test_aimed_directions_find_what_uniform_ones_miss():
 
 
 def test_later_cycles_are_not_aimed_and_the_uniform_directions_stay():
-    plain = dataclasses.replace(CONFIG, num_directions=4, cycles=2)
-    aimed = dataclasses.replace(plain, aimed=0.5)
-    directions = {}
-
     class _Recording(Sphere):
+        asked = ()
+
         def forward(self, positions, directions, modulations=None):
-            self.asked = [*getattr(self, "asked", []), directions.clone()]
+            self.asked = (*self.asked, directions.clone())
             return super().forward(positions, directions, modulations)
 
-    for config in (plain, aimed):
-        field = _Recording()
-        sample(50, config, field=field)
-        directions[config.aimed] = field.asked
-    first, second = (asked[0].reshape(-1, 4, 3) for asked in directions.values())
+    plain, aimed = fields = (_Recording(), _Recording())
+    for share, field in zip((0.0, 0.5), fields, strict=True):
+        sample(50, dataclasses.replace(CONFIG, num_directions=4, cycles=2, aimed=share), field=field)
+    first, second = (field.asked[0].reshape(-1, 4, 3) for field in fields)
     assert torch.equal(first[:, 2:], second[:, 2:]) and not torch.isclose(first[:, :2], second[:, :2]).all(-1).any()
-    torch.testing.assert_close(directions[0.0][2], directions[0.5][2])  # of the second cycle
+    torch.testing.assert_close(plain.asked[2], aimed.asked[2])  # of the second cycle
 
 
 def test_direction_is_towards_the_nearest_point_of_the_sphere():

@@ -73,12 +73,6 @@ def test_box_and_cameras_hold_those_of_both(trained):
     assert torch.equal(model.decoder.first.weight, known.decoder.first.weight)
 
 
-def test_without_a_start_nothing_changes():
-    train, own, file = FINE.started(OTHER, "chair")
-    assert train is OTHER and file is None
-    assert {**dataclasses.asdict(own), "start": ""} == dataclasses.asdict(FINE)
-
-
 def test_what_cannot_be_a_start_is_told(trained, tmp_path):
     with pytest.raises(FileNotFoundError, match=r"no reconstruction of that name; there are .*chair"):
         dataclasses.replace(FINE, start="shipped").started(TRAIN, "stool")
