@@ -76,11 +76,9 @@ def test_a_file_from_elsewhere_is_copied_into_a_folder_of_its_own(folder, tmp_pa
     found = graph.experiment(str(other))
     assert found.file == Path("artifacts/mine/mine.yaml")
     assert Run.read(found.file).sections() == Run.read(SMOKE).sections()
-    for name, why in (("smoke", "configs/smoke.yaml has it"), ("a b", "letters, digits and _ only")):
-        given = other.with_stem(name)
-        shutil.copy(SMOKE, given)
-        with pytest.raises(checks.InputError, match=why):
-            graph.experiment(str(given))
+    shutil.copy(SMOKE, other.with_stem("smoke"))
+    with pytest.raises(checks.InputError, match=r"configs/smoke\.yaml has it"):
+        graph.experiment(str(other.with_stem("smoke")))
 
 
 def test_a_variant_has_a_name_of_its_changes(folder):
