@@ -18,22 +18,12 @@ import yaml
 
 from ddf.core import config
 from ddf.geometry import mesh_io
+from ddf_lab import run
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
 RECIPES = {file.stem: file for file in sorted((ROOT / "docs" / "recipes").glob("*.diff"))}
-STAGES = (
-    "dataset",
-    "meshes",
-    "samples",
-    "train_ddf",
-    "train_pcsiren",
-    "train_ddf_image",
-    "pointclouds",
-    "evaluate",
-    "report",
-)
 SMALL = {
     "dataset": {"categories": {"primitives": 6}, "views": 5},
     "samples": {"counts": dict.fromkeys("UABSTO", 300)},
@@ -59,8 +49,7 @@ class Copy:
 
     def stage(self, *names: str) -> None:
         for name in names:
-            whole = name in ("dataset", "evaluate", "report")
-            category = () if whole else ("--category", "primitives")
+            category = () if name in (*run.WHOLE, "report") else ("--category", "primitives")
             self.run(sys.executable, f"stages/{name}.py", "--config", "configs/tiny.yaml", *category)
 
     def set(self, changes: Mapping[str, Any]) -> None:
@@ -110,7 +99,7 @@ def finished(tmp_path_factory) -> Copy:
     copy = Copy(root)
     shutil.copyfile(root / "configs" / "smoke.yaml", root / "configs" / "tiny.yaml")
     copy.set(SMALL)
-    copy.stage(*STAGES)
+    copy.stage(*run.STAGES, "report")
     return copy
 
 

@@ -27,11 +27,10 @@ def test_times_are_summed_over_categories(reported):
     for name, seconds in {**noted, "train_pcsiren-chair": 5.0}.items():  # the last of one category alone
         storage.write_json(folder / f"{name}.json", {"seconds": seconds})
     results = stage_results.read_results(run)
-    found = {"train_ddf": 123.0, "train_pcsiren": None, "dataset": 7.0}
-    assert {name: results.stage_seconds[name] for name in found} == found
     (table,) = run_sections.costs_section(results).blocks
     assert isinstance(table, pages.Table)
-    assert ["dataset", "7 s"] in table.rows and ["train_ddf", "2.0 min"] in table.rows
+    rows = (["dataset", "7 s"], ["train_ddf", "2.0 min"], ["train_pcsiren", "not timed"])
+    assert all(row in table.rows for row in rows)
     for path in folder.glob("*.json"):
         path.unlink()
 
