@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from ddf.core import storage
-from ddf.data.samples import sample_types
+from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import losses, model_files, pddf, shape_field
 from ddf.geometry import transforms
 from ddf.models import line_field, loop_config, reconstruction_models, reconstruction_settings
@@ -34,6 +34,34 @@ def points(count, seed=0):
     generator = torch.Generator().manual_seed(seed)
     positions = torch.rand((count, 3), generator=generator) * 2 - 1
     return positions, nn.functional.normalize(torch.randn((count, 3), generator=generator), dim=-1)
+
+
+def batch(counts: dict[str, int], shapes: int = 2, dtype: torch.dtype = torch.float64) -> sample_batch.SampleBatch:
+    """Random oriented points, of which about three in five see something."""
+    generator, count = torch.Generator().manual_seed(5), sum(counts.values())
+    uniform = torch.rand(shapes, count, 5, generator=generator, dtype=torch.float64)
+    vectors = torch.randn(2, shapes, count, 3, generator=generator, dtype=torch.float64)
+    directions, normals = nn.functional.normalize(vectors, dim=-1)
+    given = (2 * uniform[..., :3] - 1, directions, (uniform[..., 3] > 0.4).double(), 2 * uniform[..., 4], normals)
+    return sample_batch.SampleBatch(*(values.to(dtype) for values in given), counts=counts)
+
+
+class BallField(pddf.PDDF):
+    """A ball's visibility, as logits proportional to how deep a ray passes; its centre may be the modulation's first.
+
+    So its mask is known for every camera.
+    """
+
+    def __init__(self, radius: float = 0.7, slope: float = 40, centre: torch.Tensor | None = None) -> None:
+        super().__init__(FIELD)
+        self.radius, self.slope, self.centre = radius, slope, torch.zeros(3) if centre is None else centre
+
+    def forward(self, positions, directions, modulations=None):
+        away = positions - (modulations[0][..., :3] if modulations else self.centre)
+        closest = away - (away * directions).sum(-1, keepdim=True) * directions
+        logit = self.slope * (self.radius - (closest + 1e-9).norm(dim=-1))
+        zero = torch.zeros_like(logit)
+        return torch.stack((zero, zero, zero, logit), dim=-1)
 
 
 def ddf_model(azimuth: Literal["angle", "sincos"] = "angle", told: bool = False):

@@ -9,23 +9,11 @@ from pathlib import Path
 import _models
 import pytest
 import torch
-from torch.nn import functional
 
-from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
 
 ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
-
-
-def _batch(shapes):
-    random, count = torch.Generator().manual_seed(0), sum(COUNTS.values())
-    drawn = torch.randn((shapes, count, 9), generator=random)
-    directions, normals = (functional.normalize(drawn[..., part], dim=-1) for part in (slice(3, 6), slice(6, 9)))
-    chances = torch.rand((2, shapes, count), generator=random)
-    return sample_batch.SampleBatch(
-        drawn[..., :3].tanh(), directions, (chances[0] > 0.4).float(), chances[1], normals, counts=COUNTS
-    )
 
 
 def gradients_of(field, batch, modulations):
@@ -42,7 +30,11 @@ def conditional_field():
     """A field, a batch and modulations of four shapes."""
     torch.manual_seed(0)
     config = pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)
-    return pddf.PDDF(config), _batch(4), [torch.rand(4, 1, width) + 0.5 for width in config.hidden]
+    return (
+        pddf.PDDF(config),
+        _models.batch(COUNTS, 4, torch.float32),
+        [torch.rand(4, 1, width) + 0.5 for width in config.hidden],
+    )
 
 
 COMPILED = """
@@ -111,7 +103,7 @@ def test_a_cpu_compiles_nothing_and_a_gpu_does():
 
 
 def test_blocks_of_a_gpu_are_of_one_size(monkeypatch):
-    field, batch = pddf.PDDF(pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)).to("meta"), _batch(7)
+    field, batch = pddf.PDDF(pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)).to("meta"), _models.batch(COUNTS, 7)
     count = sum(COUNTS.values())
     for room, wanted in ((3 * count, 3 * count), (4 * count, 4 * count), (6 * count, 4 * count), (20, 20)):
         monkeypatch.setattr(losses, "block_values", lambda device, room=room: 24 * room)

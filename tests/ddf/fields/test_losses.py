@@ -4,11 +4,11 @@ import dataclasses
 import math
 from typing import Literal
 
+import _models
 import pytest
 import torch
 from _plain_loss import plain_loss
 
-from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
@@ -21,25 +21,10 @@ def _field(activation: pddf.DepthActivation = "softplus"):
     return pddf.PDDF(pddf.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0)).double()
 
 
-def _unit(*shape, seed):
-    vectors = torch.randn(*shape, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-    return torch.nn.functional.normalize(vectors, dim=-1)
-
-
-def _batch(shapes=2):
-    generator = torch.Generator().manual_seed(5)
-    n = sum(COUNTS.values())
-    uniform = torch.rand(shapes, n, 5, generator=generator, dtype=torch.float64)
-    positions = uniform[..., :3] * 2 - 1
-    visible = (uniform[..., 3] > 0.4).double()
-    directions, normals = (_unit(shapes, n, seed=seed) for seed in (1, 2))
-    return sample_batch.SampleBatch(positions, directions, visible, uniform[..., 4] * 2, normals, COUNTS)
-
-
 @pytest.mark.parametrize("activation", ["softplus", "relu"])
 @pytest.mark.parametrize("modulated", [False, True])
 def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
-    field, batch, modulations = _field(activation), _batch(), None
+    field, batch, modulations = _field(activation), _models.batch(COUNTS), None
     parameters = list(field.parameters())
     if modulated:
         torch.manual_seed(3)
@@ -70,7 +55,7 @@ def _loss(field, batch, weights=WEIGHTS):
 
 @pytest.mark.parametrize("name", _SCALES)
 def test_every_weight_scales_its_own_term(name):
-    field, batch = _field(), _batch()
+    field, batch = _field(), _models.batch(COUNTS)
     one, two = (dataclasses.replace(_NOTHING, **{name: factor}) for factor in (1.0, 2.0))
     single, double = (float(_loss(field, batch, weights).detach()) for weights in (one, two))
     assert single != 0
@@ -130,7 +115,7 @@ def test_gated_depth_loss_is_least_where_the_weight_chooses_the_better_component
 
 
 def test_shape_loss_uses_the_huber_threshold():
-    field, batch = _field(), _batch()
+    field, batch = _field(), _models.batch(COUNTS)
     square = dataclasses.replace(_NOTHING, depth=1.0)
     wide = dataclasses.replace(square, depth_huber=1e9)  # no error is beyond it: e²/(2β)
     square, huber = (_loss(field, batch, weights) for weights in (square, wide))
@@ -138,7 +123,7 @@ def test_shape_loss_uses_the_huber_threshold():
 
 
 def test_ground_truth_of_extra_points_is_never_read():
-    field, batch = _field(), _batch()
+    field, batch = _field(), _models.batch(COUNTS)
     spoiled = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}
     for values in spoiled.values():
         values[:, : COUNTS["E"]] = float("nan")
@@ -147,7 +132,9 @@ def test_ground_truth_of_extra_points_is_never_read():
 
 @pytest.mark.parametrize("points", [1, 4, 11, 36, 40, 80, 1000])
 def test_blocks_are_the_batch_in_parts(points):
-    batch = dataclasses.replace(_batch(3), visible=torch.arange(3 * sum(COUNTS.values())).view(3, -1).double())
+    batch = dataclasses.replace(
+        _models.batch(COUNTS, 3), visible=torch.arange(3 * sum(COUNTS.values())).view(3, -1).double()
+    )
     rows = {kind: [] for kind in COUNTS}
     for shapes, block in batch.blocks(points):
         assert block.visible.shape == (shapes.stop - shapes.start, sum(block.counts.values()))
@@ -161,7 +148,7 @@ def test_blocks_are_the_batch_in_parts(points):
 
 @pytest.mark.parametrize("points", [1, 5, 40])
 def test_loss_and_gradient_do_not_depend_on_the_blocks(monkeypatch, points):
-    field, batch = _field(), _batch()
+    field, batch = _field(), _models.batch(COUNTS)
     torch.manual_seed(3)
     modulator = siren.Modulator(4, (12, 10)).double()
     parameters = [*field.parameters(), *modulator.parameters()]
@@ -178,14 +165,14 @@ def test_loss_and_gradient_do_not_depend_on_the_blocks(monkeypatch, points):
 
 
 def test_loss_without_gradients_is_the_same_number():
-    field, batch = _field(), _batch()
+    field, batch = _field(), _models.batch(COUNTS)
     with torch.no_grad():
         plain = _loss(field, batch)
     assert torch.equal(plain, _loss(field, batch).detach())
 
 
 def test_depth_of_a_miss_is_never_read():
-    field, batch = _field(), _batch()
+    field, batch = _field(), _models.batch(COUNTS)
     spoiled = dataclasses.replace(batch, depth=torch.where(batch.visible > 0, batch.depth, float("nan")))
     found = _loss(field, spoiled)
     assert torch.equal(_loss(field, batch), found)

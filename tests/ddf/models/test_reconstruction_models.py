@@ -18,21 +18,6 @@ SMALL_FIELD = pddf.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
 BALL_RADIUS = 0.7
 
 
-class _BallField(pddf.PDDF):
-    """Visibility of a ball, as logits proportional to how deep the ray passes: a known mask for every camera."""
-
-    def __init__(self, centre=None, radius=BALL_RADIUS, slope=40):
-        super().__init__(SMALL_FIELD)
-        self.centre, self.radius, self.slope = centre, radius, slope
-
-    def forward(self, positions, directions, modulations=None):
-        positions = positions if self.centre is None else positions - self.centre
-        closest = positions - (positions * directions).sum(-1, keepdim=True) * directions
-        logit = self.slope * (self.radius - (closest + 1e-9).norm(dim=-1))
-        zero = torch.zeros_like(logit)
-        return torch.stack((zero, zero, zero, logit), dim=-1)
-
-
 def _camera(*values):
     return torch.tensor([values])
 
@@ -100,7 +85,7 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     """The ball stands off the centre: its silhouette tells the azimuth. Truth and start lie on either side of 0."""
     model, _ = _models.of_field(SMALL_FIELD, 4, 8, azimuth)
     model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
-    model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
+    model.decoder.field = _models.BallField(0.3, centre=torch.tensor([0.5, 0.0, 0.2]))
     truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
     config = reconstruction_settings.CorrectionConfig(40, 0.02, 32, ("azimuth",))
@@ -110,7 +95,7 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
 
 def test_rendered_ball_has_the_analytic_silhouette():
     camera, scale = torch.tensor([0.8, 0.45, 0.8]), torch.tensor(2.5)
-    images, queries = rendering.render(_BallField(), None, camera, scale, 137, ["visibility"])
+    images, queries = rendering.render(_models.BallField(), None, camera, scale, 137, ["visibility"])
     radius = BALL_RADIUS * transforms.BENCHMARK_FROM_V1 / float(scale)
     angle = math.asin(radius / 0.8)
     directions = cameras.pixel_directions(137, torch.zeros(0))
@@ -120,7 +105,7 @@ def test_rendered_ball_has_the_analytic_silhouette():
     assert set(images) == {"visibility"}
 
 
-SOFT = _BallField(slope=4)  # its visibility is neither 0 nor 1 in float32
+SOFT = _models.BallField(slope=4)  # its visibility is neither 0 nor 1 in float32
 
 
 def _rendered_bce(camera, scale, alpha):
@@ -154,10 +139,12 @@ def test_the_mask_of_a_shape_off_centre_is_seen_where_it_lies():
 def test_mask_loss_of_random_pixels_is_unbiased_and_spends_only_them():
     camera, scale = _camera(0.8, 0.45, 0.8).expand(3, 3), torch.tensor([2.5, 2.8, 3.5])
     alpha = torch.rand(3, 24, 24, generator=torch.Generator().manual_seed(0))
-    whole = reconstruction_models.mask_loss(_BallField(), [], camera, scale, alpha)
+    whole = reconstruction_models.mask_loss(_models.BallField(), [], camera, scale, alpha)
     generator = torch.Generator().manual_seed(1)
     chances = [torch.rand(3, 24 * 24, generator=generator) for _ in range(300)]
-    draws = [reconstruction_models.mask_loss(_BallField(), [], camera, scale, alpha, 40, drawn) for drawn in chances]
+    draws = [
+        reconstruction_models.mask_loss(_models.BallField(), [], camera, scale, alpha, 40, drawn) for drawn in chances
+    ]
     spread = torch.stack(draws).std(0) / 300**0.5
     assert bool((spread > 0).all())
     assert bool(((torch.stack(draws).mean(0) - whole).abs() < 4 * spread).all())
@@ -167,13 +154,13 @@ def test_camera_gradient_of_the_mask_loss_equals_finite_differences():
     camera = _camera(0.8, 0.45, 0.8).double().requires_grad_()
     scale, alpha = torch.tensor([2.5], dtype=torch.float64), torch.zeros(1, 16, 16, dtype=torch.float64)
     alpha[:, 3:9, 4:12] = 1
-    loss = reconstruction_models.mask_loss(_BallField(), [], camera, scale, alpha)
+    loss = reconstruction_models.mask_loss(_models.BallField(), [], camera, scale, alpha)
     (gradient,) = torch.autograd.grad(loss.sum(), camera)
     step = 1e-6
     plus, minus = (camera.detach() + s * torch.tensor([0, 0, step], dtype=torch.float64) for s in (1, -1))
     slope = (
-        reconstruction_models.mask_loss(_BallField(), [], plus, scale, alpha)
-        - reconstruction_models.mask_loss(_BallField(), [], minus, scale, alpha)
+        reconstruction_models.mask_loss(_models.BallField(), [], plus, scale, alpha)
+        - reconstruction_models.mask_loss(_models.BallField(), [], minus, scale, alpha)
     ) / (2 * step)
     assert abs(float(slope)) > 1e-3
     torch.testing.assert_close(gradient[0, 2], slope[0], rtol=1e-4, atol=1e-9)
@@ -182,9 +169,9 @@ def test_camera_gradient_of_the_mask_loss_equals_finite_differences():
 def test_correction_finds_the_radius_of_a_ball():
     model, _ = _models.of_field(SMALL_FIELD, 4, 8)
     model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
-    model.decoder.field = _BallField()
+    model.decoder.field = _models.BallField()
     truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
-    image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
+    image, _ = rendering.render(_models.BallField(), None, truth[0], scale[0], 32, ["visibility"])
     config = reconstruction_settings.CorrectionConfig(60, 0.1, 32, reconstruction_settings.CAMERA_NUMBERS)
     mask = image["visibility"][None]
     found = mask_descent.correct_camera(model, [], start, scale, mask, config)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from ddf.core import checks
-from ddf.fields import passes, pddf, rendering, siren
+from ddf.fields import passes, rendering, siren
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import mask_descent
 
@@ -16,21 +16,6 @@ HOW = reconstruction_settings.ShapeCorrectionConfig(
 )
 CAMERA, SCALE = torch.tensor([[0.4, 0.48, 0.8]]), torch.tensor([2.5])
 DEVIATION = torch.tensor([0.2, 0.2, 0.2, 0.0, 1.0])  # the fourth number never varies, the fifth says nothing
-
-
-class _Ball(pddf.PDDF):
-    """A ball of radius 0.35, its centre the first three numbers of the first modulation."""
-
-    def __init__(self):
-        super().__init__(_models.FIELD)
-
-    def forward(self, positions, directions, modulations=None):
-        assert modulations is not None
-        away = positions - modulations[0][..., :3]
-        closest = away - (away * directions).sum(-1, keepdim=True) * directions
-        logit = 15 * (0.35 - (closest + 1e-9).norm(dim=-1))
-        zero = torch.zeros_like(logit)
-        return torch.stack((zero, zero, zero, logit), dim=-1)
 
 
 class _Told(siren.Modulator):
@@ -46,7 +31,7 @@ class _Told(siren.Modulator):
 def _model():
     model, _ = _models.of_field(_models.FIELD, 5, 4)
     model.camera_head.fit(_models.CAMERAS)
-    model.decoder.field, model.decoder.modulator = _Ball(), _Told()
+    model.decoder.field, model.decoder.modulator = _models.BallField(0.35, 15), _Told()
     return model
 
 

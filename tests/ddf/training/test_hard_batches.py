@@ -7,9 +7,7 @@ import _models
 import pytest
 import torch
 from _hard import SATURATED, assert_exact, assert_refused, assert_within, constant_field, step
-from torch.nn import functional
 
-from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
 from ddf.models import camera_encoder, reconstruction_models, reconstruction_settings
@@ -24,13 +22,9 @@ ONLY_VALUES = dataclasses.replace(
 
 def _batch(dtype, visible, depth):
     """Random oriented points of two shapes, all with the same ground truth; normals are zero, as they are on misses."""
-    generator, count = torch.Generator().manual_seed(0), sum(COUNTS.values())
-    positions = 2 * torch.rand(2, count, 3, generator=generator, dtype=torch.float64) - 1
-    directions = functional.normalize(torch.randn(2, count, 3, generator=generator, dtype=torch.float64), dim=-1)
-    same, none = torch.ones(2, count, dtype=dtype), torch.zeros(2, count, 3, dtype=dtype)
-    return sample_batch.SampleBatch(
-        positions.to(dtype), directions.to(dtype), visible * same, depth * same, none, COUNTS
-    )
+    made = _models.batch(COUNTS, dtype=dtype)
+    same = torch.ones_like(made.depth)
+    return dataclasses.replace(made, visible=visible * same, depth=depth * same, normals=0 * made.normals)
 
 
 def _loss(field, batch, weights=WEIGHTS):

@@ -8,7 +8,7 @@ import torch
 
 from ddf.data.batches import category_data
 from ddf.data.samples import sample_batch, sample_types
-from ddf.fields import losses, pddf
+from ddf.fields import pddf
 from ddf.geometry import raycast, transforms
 from ddf.models import reconstruction_settings
 from ddf.training import proposed_rays
@@ -104,20 +104,3 @@ def test_the_share_near_the_surface_starts_there(near, monkeypatch):
     close = (starts.norm(dim=-1) - RADII[0]).abs() < 0.01
     assert int(close.sum()) == pytest.approx(40 * near, abs=2)
     assert bool((starts.abs() <= 1).all())
-
-
-def test_the_loss_reads_depth_and_visibility_of_proposed_rays():
-    field = _models.field().requires_grad_(True)
-    counts: dict[str, int] = dict.fromkeys((*sample_types.ORDER, "P"), 2)
-    generator = torch.Generator().manual_seed(0)
-    n = sum(counts.values())
-    unit = torch.nn.functional.normalize(torch.randn(1, n, 3, generator=generator), dim=-1)
-    batch = sample_batch.SampleBatch(unit * 0.5, unit, torch.ones(1, n), torch.full((1, n), 0.3), unit, counts)
-    values = []
-    for shift in (0.0, 0.5):
-        depth = batch.depth.clone()
-        depth[:, batch.span("P", "P")] += shift
-        changed = dataclasses.replace(batch, depth=depth)
-        values.append(losses.shape_loss(field, changed, None, _models.WEIGHTS)[1])
-    assert values[0]["depth"] != values[1]["depth"]
-    assert values[0]["normals"] == values[1]["normals"]
