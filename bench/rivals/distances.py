@@ -1,30 +1,23 @@
-"""Rivals of a DDF: signed distances in a network or on a grid, and sphere tracing through them; how rivals are trained.
+"""Rivals of a DDF: signed distances on a grid, and sphere tracing through them; how rivals are trained.
 
-Letters: f signed distance (negative inside), p + t v the ray, r = |f| the sphere that holds no surface.
-Sources: Hart 1996, "Sphere tracing"; Gropp et al. 2020, "Implicit geometric regularization" (‖∇f‖ = 1).
+Letters: f signed distance (negative inside), p + t v the ray. Source: Hart 1996, "Sphere tracing".
 
-On a grid f is trilinear between samples. A ray steps by |f|, at least by a part of a voxel, until f changes its sign,
+On the grid f is trilinear between samples. A ray steps by |f|, at least by a part of a voxel, until f changes its sign,
 and the secant says where, so that what starts on either side of a wall is told apart.
 """
 
 import contextlib
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import nn
 
-from ddf.core import seeding
-from ddf.data.samples.draws import Surface
-from ddf.fields import derivatives, siren
 from ddf.geometry import raycast, rays
 from ddf.geometry.grid_loops import compiled
-from ddf.geometry.mesh_io import Mesh
 from ddf.models import loop_config
 from ddf.training import training_loop
 
@@ -50,82 +43,9 @@ def trained(
     return network.eval()
 
 
-Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
-
-
-@dataclass(frozen=True)
-class Tracing:
-    """How far and how finely to march.
-
-    max_steps: network queries of one ray, at most. threshold: f below which a ray has arrived. within: f below which a
-    ray that ran out of steps still counts as arrived. chunk: rays marched together, speed and memory only.
-    """
-
-    max_steps: int
-    threshold: float
-    within: float
-    chunk: int = 4096
-
-
-def trace(
-    distance: Distance,
-    starts: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n 3"],
-    lower: Float[Tensor, "3"],
-    upper: Float[Tensor, "3"],
-    how: Tracing,
-) -> tuple[Float[Tensor, "n"], int]:
-    """Depth along each ray from its start, `inf` on a miss, and the number of queries; the surface lies in the box.
-
-    Rays enter the box first and are given up where they leave it; those that miss it cost nothing.
-    """
-    entry, leave = rays.box_span(starts, directions, lower, upper)
-    depth, queries = torch.full_like(entry, torch.inf), 0
-    for left in torch.nonzero(entry <= leave).squeeze(-1).split(how.chunk):  # only rays that are still under way
-        t = entry[left]
-        for index in range(how.max_steps):
-            f = distance(torch.addcmul(starts[left], t[:, None], directions[left]))
-            queries += len(f)
-            arrived = f < (how.threshold if index < how.max_steps - 1 else how.within)
-            t = t + f
-            depth[left[arrived]] = t[arrived]
-            on = ~arrived & (t <= leave[left])
-            left, t = left[on], t[on]
-            if not len(left):
-                break
-    return depth, queries
-
-
-BATCH, SPREADS, EIKONAL = 4096, (0.005, 0.05), 0.05  # points of a step; about the surface; weight of (‖∇f‖ - 1)²
-
-
 def signed_distances(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
     """f of a closed mesh, in its unit: Open3D's nearest triangle, its distance in float64, sign by parity."""
     return scene.distance(points) * np.where(scene.outside(points), 1.0, -1.0)
-
-
-def fit_distance(
-    mesh: Mesh, layout: siren.SineLayout, loop: loop_config.LoopConfig, count: int, steps: int
-) -> siren.SineNetwork:
-    """A network for f of a closed mesh by so many points, half of them near the surface, half uniform in the box."""
-    training_loop.prepare(loop)
-    random = seeding.generator(loop.seed, "sphere_tracing")
-    near, _ = Surface.of(mesh).draw(count // 2, random)
-    near = near + np.resize(SPREADS, len(near))[:, None] * random.standard_normal(near.shape)
-    drawn = np.concatenate([near, random.uniform(*mesh.box(), (count - len(near), 3))])
-    truth = torch.from_numpy(signed_distances(raycast.Scene(mesh), drawn)).float()
-    points = torch.from_numpy(drawn).float()
-    network = siren.SineNetwork(3, layout, 1)
-
-    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        rows = torch.from_numpy(np.random.default_rng((loop.seed, step)).integers(0, len(points), BATCH))
-        found = derivatives.trace(network, points[rows])
-        gradient = derivatives.adjoint(network, found.slopes, torch.ones(len(rows), 1))
-        error = (found.outputs.squeeze(-1) - truth[rows]).abs().mean()
-        eikonal = (gradient.norm(dim=-1) - 1).square().mean()
-        return error + EIKONAL * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
-
-    return trained(network, loss, steps, loop, "signed distance")
 
 
 LEAST, MOST_STEPS = 0.25, 1024  # of a voxel, a step; steps of a ray

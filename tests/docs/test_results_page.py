@@ -192,21 +192,6 @@ def one_shape(rows: Rows) -> Rows:
     ]
 
 
-def parametrisations(rows: Rows) -> Rows:
-    """Of each network: steps and time of an image of the chair, and of both shapes error of depth and wrong rays."""
-    found = {(row["what"], row["size"]["shape"]): row for row in bench("parametrisations")}
-    filled = []
-    for name, *_ in rows:
-        chair, nested = (found[name, shape] for shape in ("chair", "nested"))
-        errors = (
-            text
-            for row in (chair, nested)
-            for text in (f"{row['error']['depth_median']:.4f}", f"{100 * row['error']['inside_wrong']:.1f} %")
-        )
-        filled.append([name, str(chair["steps"]), f"{1000 * chair['median_s']:.0f} ms", *errors])
-    return filled
-
-
 def completed(rows: Rows) -> Rows:
     """D_C, F(τ), and the gain in F(τ) over the image, of rows measured with it."""
     kinds = {
@@ -270,7 +255,6 @@ TABLES: list[tuple[str, str, Fill]] = [  # page, the line above the table, what 
     ("docs/results.md", "At the true camera, the paper's way:", of("cpu_paper", at_camera)),
     ("README.md", "## Why a DDF, and when not", frontier),
     ("docs/results.md", "## One shape", one_shape),
-    ("docs/results.md", "## What a network reads of a ray", parametrisations),
     ("docs/complete.md", "## How well", completed),
     ("docs/generative.md", "![Eight new chairs](generated_chairs.webp)", generated),
 ]
