@@ -1,20 +1,10 @@
-"""Every number in a table of results of README.md and docs/ is one of a committed CSV or JSON file, which is its key.
+"""Every number in a table of results of README.md and docs/ is one of a committed file, as docs/results.py says."""
 
-`python tests/docs/test_results_page.py` writes what the files in reports/ say into the pages: numbers, bold, claims.
-"""
-
-import csv
 import itertools
-import json
 import re
-import sys
 import types
-from collections import Counter
-from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, cast
 
-import _recomputed
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,307 +12,56 @@ import pytest
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import claims, scoring
 from ddf_lab.report import model_sections, pages, scores
-
-ROOT = Path(__file__).resolve().parents[2]
-CATEGORIES = ("chair", "plane", "car")
-CHAMFER, F_TAU, F_2TAU = "chamfer_l2_sq_x1000", "f_score_tau_x100", "f_score_2tau_x100"
-METRICS = {
-    "D_C": (CHAMFER, 3),
-    "F(τ)": (F_TAU, 2),
-    "F(2τ)": (F_2TAU, 2),
-    "precision": ("precision_tau_x100", 1),
-    "recall": ("recall_tau_x100", 1),
-}
-PRINTED = {"D_C": "D<sub>C</sub> ↓", "F(τ)": "F<sub>τ</sub> ↑"}
-LABELS = {"D<sub>C</sub> ↓": "D_C", "F<sub>τ</sub> ↑": "F(τ)", "F<sub>2τ</sub> ↑": "F(2τ)"}  # of reports
-MODELS = {"DDF": "ddf", "PC-SIREN": "pc_siren", "DDF+image": "ddf_image"}
-PAIRS = {  # rows with D_C and F(τ) in one cell
-    "DDF, true camera": ("ddf", "Pi_g-L"),
-    "DDF, true camera, one projection cycle instead of three": ("ddf_nh1", "Pi_g-L"),
-    "PC-SIREN, true camera": ("pc_siren", "Pi_g-L"),
-    "DDF, predicted camera": ("ddf", "Pi_pred-L"),
-    "PC-SIREN, predicted camera": ("pc_siren", "Pi_pred-L"),
-    "DDF+image, true camera": ("ddf_image", "Pi_g-L"),
-    "DDF+image, predicted camera": ("ddf_image", "Pi_pred-L"),
-    "DDF+image, three images, true cameras": ("ddf_image_3views", "Pi_g-L"),
-    "mean training shape": ("mean_shape", "Pi_g-L"),
-    "retrieval of the nearest training image": ("retrieval", "Pi_g-L"),
-    "ceiling: the truth against itself": ("ceiling", "Pi_g-L"),
-    "oracle: the best training shape": ("oracle_retrieval", "Pi_g-L"),
-}
-CAMERAS = {  # median errors
-    "azimuth, degrees": ("Pi_pred", "azimuth_error_deg_median", 1),
-    "turned round, % of images": ("Pi_pred", "azimuth_turned_x100", 0),
-    "IoU of the silhouette": ("Pi_pred", "silhouette_iou", 2),
-    "azimuth after the correction by the mask": ("Pi_corrected", "azimuth_error_deg_median", 1),
-    "elevation, degrees": ("Pi_pred", "elevation_error_deg_median", 2),
-}
-Rows = list[list[str]]
+from docs import results
 
 
-class Measured:
-    """The measured rows of a report's si3dr.csv; of a group alone where `report` is such as `real:procedural`."""
-
-    def __init__(self, report: str) -> None:
-        report, _, group = report.partition(":")
-        path = ROOT / "reports" / report / "si3dr.csv"
-        self.folder = path.parent
-        self.group, self.page = group, path.with_name("README.md").read_text()
-        with path.open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if row["source"] == "measured"]
-        self.rows: dict[tuple[str, ...], dict[str, str]] = {
-            (row["category"].removeprefix(f"{group} "), row["method"], row["column"], row["metric"]): row
-            for row in rows
-        }
-        self.open = path.with_name("per_image.csv").is_file()  # or no claim can be recomputed
-        printed = next(_recomputed.tables(self.page)) if self.open else {}
-        self.claims = {
-            (category.removeprefix(f"{group} "), method, column, METRICS[LABELS[metric]][0])
-            for (category, method, column, metric), value in printed.items()
-            if value.startswith("**")
-        }
-
-    def value(self, *key: str) -> float:
-        return float(self.rows[key]["value"])
-
-    def text(self, *key: str, digits: int, spread: bool = True) -> str:
-        """The mean, ± the deviation over seeds where there are several."""
-        row, value = self.rows[key], f"{self.value(*key):.{digits}f}"
-        return f"{value} ± {float(row['spread']):.{digits}f}" if spread and float(row["seeds"]) > 1 else value
-
-
-def pairs(measured: Measured, rows: Rows, digits: int = 2, spread: bool = True) -> Rows:
-    """D_C and F(τ) in one cell."""
-    return [[name, *_pair(measured, name, digits, spread)] for name, *_ in rows]
-
-
-def _pair(measured: Measured, name: str, digits: int, spread: bool) -> list[str]:
-    keys = [(category, *PAIRS[name]) for category in CATEGORIES]
-    chamfers = [measured.text(*key, CHAMFER, digits=3, spread=spread) for key in keys]
-    scores = [measured.text(*key, F_TAU, digits=digits, spread=spread) for key in keys]
-    return [", ".join(pair) for pair in zip(chamfers, scores, strict=True)]
-
-
-def at_camera(measured: Measured, rows: Rows, camera: str = "Pi_g") -> Rows:
-    """All models by metric; bold: where the report claims a difference."""
-    filled = []
-    for label, group in itertools.groupby(rows, key=lambda row: row[0]):
-        metric, digits = METRICS[label]
-        names = [row[1] for row in group]
-        cells = {name: [label, name] for name in names}
-        for category in CATEGORIES:
-            keys = {name: (category, MODELS[name], f"{camera}-L", metric) for name in names}
-            for name, key in keys.items():
-                text = measured.text(*key, digits=digits)
-                cells[name].append(f"**{text}**" if key in measured.claims else text)
-        filled += cells.values()
-    return filled
-
-
-def cameras(measured: Measured, rows: Rows) -> Rows:
-    """Median errors of the DDF's cameras."""
-    return [
-        [name, *(measured.text(c, "ddf", *CAMERAS[name][:2], digits=CAMERAS[name][2]) for c in CATEGORIES)]
-        for name, *_ in rows
-    ]
-
-
-def far(measured: Measured, rows: Rows) -> Rows:
-    """Of the report's test shapes beside their nearest training shapes, those of the DDF."""
-    lines = {line[0]: line for line in cells(_parts(measured.page, "## Far from the training shapes")[1])}
-    _, shapes, ranks, above, *_ = zip(*(lines[f"{measured.group} {c}"] for c in CATEGORIES), strict=True)
-    counts = [f"{some} of {every}" for some, every in zip(above, shapes, strict=True)]
-    return [[name, *values] for (name, *_), values in zip(rows, (ranks, counts), strict=True)]
-
-
-def best(measured: Measured) -> str:
-    """Which model has the best means of D_C and F(τ) at both cameras, and which of them are claimed to be better."""
-    found, claimed = Counter[str](), dict[str, list[str]]()
-    for camera, category, metric in itertools.product(("true", "predicted"), CATEGORIES, ("D_C", "F(τ)")):
-        column, name = {"true": "Pi_g-L", "predicted": "Pi_pred-L"}[camera], METRICS[metric][0]
-        keys = {model: (category, own, column, name) for model, own in MODELS.items()}
-        there = {model: measured.value(*key) for model, key in keys.items() if key in measured.rows}
-        found[(min if metric == "D_C" else max)(there, key=lambda model: there[model])] += 1
-        for model, key in keys.items():
-            if key in measured.claims:
-                cell = (f"{measured.group} {category}".strip(), key[1], column, PRINTED[metric])
-                effect = _recomputed.Scores(measured.folder).told(cell)
-                claimed.setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({effect})")
-    means = f"Best of {found.total()} means: {', '.join(f'{name} {count}' for name, count in found.most_common())}."
-    if not measured.open:
-        return f"{means} None is claimed to be better: scores per image of this run were not kept."
-    said = "; ".join(f"{who}: {', '.join(cells)}" for who, cells in claimed.items()) or "none"
-    return f"{means} Claimed to be better than all others: {said}."
-
-
-def bench(name: str) -> list[dict]:
-    return json.loads((ROOT / "reports" / "bench" / f"{name}.json").read_text())["rows"]
-
-
-def frontier(rows: Rows) -> Rows:
-    """Of two shapes: time of an image, median error of depth, and wrong rays of those from inside."""
-    kinds = {"network": "sine, 20 s", "patches": "patches, 0.0003", "128³": "distances, 128", "256³": "distances, 256"}
-    found, filled = {(row["what"], row["size"]["shape"]): row for row in bench("frontier")}, []
-    for name, *_ in rows:
-        kind = next((own for word, own in kinds.items() if word in name), "mesh")
-        cells = [name]
-        for shape in ("rock 10,000", "hoops"):
-            row = found[kind, shape]
-            error = row["error"]
-            cells += [
-                f"{1000 * row['median_s']:.0f} ms",
-                f"{error['depth_median']:.5f}",
-                f"{error['wrong_inner']:.1f} %",
-            ]
-        filled.append(cells)
-    return filled
-
-
-def one_shape(rows: Rows) -> Rows:
-    """Errors of depth by sample type, of the fit and of the paper's."""
-    with (ROOT / "reports" / "fit" / "fit.csv").open(newline="") as file:
-        found = {
-            (row["source"], row["type"]): float(row["value"])
-            for row in csv.DictReader(file)
-            if row["metric"] == "depth_l1_x10"
-        }
-    return [
-        [name, *(f"{found['measured' if name.endswith('here') else 'paper, bunny', kind]:.2f}" for kind in "UABOTS")]
-        for name, *_ in rows
-    ]
-
-
-def completed(rows: Rows) -> Rows:
-    """D_C, F(τ), and the gain in F(τ) over the image, of rows measured with it."""
-    kinds = {
-        "from the image": "image",
-        "mean": "mean",
-        "nearest": "nearest",
-        "weaker": "sdf, 4000 steps, prior 0.01",
-        "signed": "sdf",
-    }
-    found, filled = {row["what"]: row for row in bench("complete")}, []
-    for name, *_ in rows:
-        kind, cells = next((own for word, own in kinds.items() if word in name), "depth"), [name]
-        for category in ("chair", "plane"):
-            row = found[f"{category}, test: {kind}"]
-            error = row["error"]
-            cells.append(f"{error['chamfer_l2_sq_x1000']:.3f}, {error['f_score_tau_x100']:.1f}")
-            if "f_gain" in error and "each" in row:
-                cells[-1] += f", {error['f_gain']:.1f} ± {error['f_gain_error']:.1f}"
-        filled.append(cells)
-    return filled
-
-
-def generated(rows: Rows) -> Rows:
-    """Scores of samples, of other true shapes, and of fakes."""
-    errors = {row["what"]: row["error"] for row in bench("generate")}
-
-    def line(key: str, *names: str) -> list[str]:
-        return ["; ".join(f"{errors[f'{each}: {name}'][key]:.1f}" for name in names) for each in CATEGORIES]
-
-    filled = [line("one_nna_percent", "samples"), line("one_nna_percent", "other true shapes")]
-    filled += [line("energy_x1000", "samples"), line("energy_x1000", *FAKES)]
-    return [[name, *cells] for (name, *_), cells in zip(rows, filled, strict=True)]
-
-
-FAKES = ("noisy samples", "blurred samples", "mean shape")
-Fill = Callable[[Rows], Rows]
-
-
-def of(report: str, fill: Callable[..., Rows], *options: Any) -> Fill:
-    """Filled from a report's si3dr.csv, of a group of its shapes where it has two."""
-    return lambda rows: fill(Measured(report), rows, *options)
-
-
-TABLES: list[tuple[str, str, Fill]] = [  # page, the line above the table, what fills it: the keys of its numbers
-    ("README.md", "On real shapes:", of("real:real", pairs, 1, False)),
-    ("docs/results.md", "Real shapes, true camera:", of("real:real", at_camera)),
-    ("docs/results.md", "Real shapes, predicted camera:", of("real:real", at_camera, "Pi_pred")),
-    ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", of("real:real", cameras)),
-    ("docs/results.md", "Real shapes, baselines, true camera (more in README):", of("real:real", pairs)),
-    (
-        "docs/results.md",
-        "The same models on procedural test shapes, true camera:",
-        of("real:procedural", at_camera),
-    ),
-    ("docs/results.md", "### Where they fail", of("real:real", far)),
-    ("README.md", "On procedural shapes:", of("cpu", pairs, 1, False)),
-    ("docs/results.md", "### True camera", of("cpu", at_camera)),
-    ("docs/results.md", "### Predicted camera", of("cpu", at_camera, "Pi_pred")),
-    ("docs/results.md", "Median errors of the predicted camera:", of("cpu", cameras)),
-    ("docs/results.md", "### Baselines, true camera", of("cpu", pairs)),
-    ("docs/results.md", "At the true camera, the paper's way:", of("cpu_paper", at_camera)),
-    ("README.md", "## Why a DDF, and when not", frontier),
-    ("docs/results.md", "## One shape", one_shape),
-    ("docs/complete.md", "## How well", completed),
-    ("docs/generative.md", "![Eight new chairs](generated_chairs.webp)", generated),
-]
-SET = {  # tables whose numbers are chosen, not measured: the line above
-    ("docs/method.md", "## Where the paper is silent"),
-    ("docs/synthetic.md", "# Synthetic shapes"),
-}
-NUMBER = re.compile(r"\**[-–]?[\d.,]*\d( ?(%|ms|s|°))?\**([;,±] ?.*| ± .*)?")
-CLAIMS = [("README.md", "On real shapes:", "real:real"), ("README.md", "On procedural shapes:", "cpu")]
-
-
-def _parts(text: str, above: str) -> tuple[str, str, str]:
-    """A page before, in and after the rows of the first table below a line."""
-    found = re.search(rf"(?ms)^{re.escape(above)}$.*?^\|[ :|-]+\|\n", text)
-    assert found, above
-    end = re.compile(r"(?m)^(?!\|)").search(text, found.end())
-    return text[: found.end()], text[found.end() : end.start() if end else None], text[end.start() if end else None :]
-
-
-def cells(lines: str) -> Rows:
-    return [line.strip("| ").split(" | ") for line in lines.splitlines()]
-
-
-def lines_of(rows: Sequence[Sequence[str]]) -> str:
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
-
-
-@pytest.mark.parametrize("page, above, fill", TABLES, ids=[above for _, above, _ in TABLES])
+@pytest.mark.parametrize("page, above, fill", results.TABLES, ids=[above for _, above, _ in results.TABLES])
 def test_tables_are_of_the_committed_files(page, above, fill):
-    _, table, _ = _parts((ROOT / page).read_text(), above)
-    assert cells(table) == fill(cells(table))
+    _, table, _ = results.parts((results.ROOT / page).read_text(), above)
+    assert results.cells(table) == fill(results.cells(table))
 
 
-@pytest.mark.parametrize("page", ["README.md", *sorted(f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md"))])
+@pytest.mark.parametrize(
+    "page", ["README.md", *sorted(f"docs/{file.name}" for file in (results.ROOT / "docs").glob("*.md"))]
+)
 def test_no_table_has_a_number_without_a_key(page):
-    text = (ROOT / page).read_text()
+    text = (results.ROOT / page).read_text()
     keyed = {
-        _parts(text, above)[1] for own, above in [*((own, above) for own, above, _ in TABLES), *SET] if own == page
+        results.parts(text, above)[1]
+        for own, above in [*((own, above) for own, above, _ in results.TABLES), *results.SET]
+        if own == page
     }
     for table in re.findall(r"(?m)^\|.*\n\|[ :|-]+\|\n((?:\|.*\n)+)", text):
-        found = [cell for row in cells(table) for cell in row[1:] if NUMBER.fullmatch(cell)]
+        found = [cell for row in results.cells(table) for cell in row[1:] if results.NUMBER.fullmatch(cell)]
         assert table in keyed or not found, f"{page}: {found[0]} has no key: enter its table in TABLES"
 
 
-@pytest.mark.parametrize("page, above, report", CLAIMS, ids=[report for *_, report in CLAIMS])
+@pytest.mark.parametrize("page, above, report", results.CLAIMS, ids=[report for *_, report in results.CLAIMS])
 def test_what_is_claimed_below_a_table_is_what_the_report_claims(page, above, report):
-    after = _parts((ROOT / page).read_text(), above)[2]
-    assert after.startswith(f"\n- {best(Measured(report))}\n")
+    after = results.parts((results.ROOT / page).read_text(), above)[2]
+    assert after.startswith(f"\n- {results.best(results.Measured(report))}\n")
 
 
 @pytest.mark.parametrize(("above", "count"), [("On real shapes:", 10), ("On procedural shapes:", 8)])
 def test_readme_has_all_rows(above, count):
-    assert len(cells(_parts((ROOT / "README.md").read_text(), above)[1])) == count
+    assert len(results.cells(results.parts((results.ROOT / "README.md").read_text(), above)[1])) == count
 
 
 def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
     """DDF+image is 8 better in F(τ) for real chairs at the true camera, and nothing else differs."""
     random, rows = np.random.default_rng(0), []
-    for category, method, column in itertools.product(CATEGORIES, MODELS.values(), ("Pi_g-L", "Pi_pred-L")):
+    for category, method, column in itertools.product(
+        results.CATEGORIES, results.MODELS.values(), ("Pi_g-L", "Pi_pred-L")
+    ):
         ahead = 8.0 * ((category, method, column) == ("chair", "ddf_image", "Pi_g-L"))
         for shape in range(12):
             score = (50 + ahead + random.normal()) / 100
             rows.append((f"real {category}", method, column, f"s{shape}", 0, 0.001, score, score, score, score, 0.5))
     scored = pd.DataFrame(rows, columns=[*claims.IMAGE, *(metric.score for metric in cloud_scores.METRICS.values())])
     table = scoring.summary(scored, pd.DataFrame(columns=[*claims.IMAGE]), pd.DataFrame(columns=["category"]))
-    groups = {f"real {category}": category for category in CATEGORIES}
+    groups = {f"real {category}": category for category in results.CATEGORIES}
     found = types.SimpleNamespace(table=table, trainings=[scored], per_image=scored, groups=groups)
-    labels = {metric: scores.LABELS[metric] for metric in (CHAMFER, F_TAU)}
+    labels = {metric: scores.LABELS[metric] for metric in (results.CHAMFER, results.F_TAU)}
     columns = ("Pi_g-L", "Pi_pred-L")
     printed = scores.pairs(cast(Any, found), groups, columns, model_sections.MODELS, "", labels=labels)
     assert printed is not None
@@ -331,29 +70,20 @@ def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
         pages.Page("Own", ["With the true camera, DDF+image is best"], [pages.Section("R", [printed, ""])]), folder
     )
     (folder / "si3dr.csv").write_text(table.to_csv(index=False))
-    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    monkeypatch.setattr(results, "ROOT", tmp_path)
     closed, told = (
-        best(Measured("own:real")),
+        results.best(results.Measured("own:real")),
         "None is claimed to be better: scores per image of this run were not kept.",
     )
-    assert closed.endswith(told) and Measured("own:real").claims == set()
+    assert closed.endswith(told) and results.Measured("own:real").claims == set()
     (folder / "per_image.csv").write_text(claims.as_text([scored]))
     said = r"DDF\+image, true camera: chair F\(τ\) \(by (\d\.\d) ± 0\.\d, 12 shapes, 1 training alone\)\."
-    match = re.search(f"Claimed to be better than all others: {said}$", best(Measured("own:real")))
+    match = re.search(f"Claimed to be better than all others: {said}$", results.best(results.Measured("own:real")))
     assert match and abs(float(match[1]) - 8) < 1
 
 
 def test_no_fake_has_a_better_score_than_samples():
-    errors = {row["what"]: row["error"] for row in bench("generate")}
-    for each in CATEGORIES:  # a score that is fooled by noise, blur or one shape says nothing
-        score = {name: errors[f"{each}: {name}"]["energy_x1000"] for name in ("samples", *FAKES)}
+    errors = {row["what"]: row["error"] for row in results.bench("generate")}
+    for each in results.CATEGORIES:  # a score that is fooled by noise, blur or one shape says nothing
+        score = {name: errors[f"{each}: {name}"]["energy_x1000"] for name in ("samples", *results.FAKES)}
         assert min(score, key=score.__getitem__) == "samples"
-
-
-if __name__ == "__main__":
-    for page, above, fill in TABLES:
-        before, table, after = _parts((ROOT / page).read_text(), above)
-        (ROOT / page).write_text(before + lines_of(fill(cells(table))) + after)
-    for page, above, report in CLAIMS:
-        before, table, after = _parts((ROOT / page).read_text(), above)
-        (ROOT / page).write_text(before + table + re.sub(r"\A\n- .*", f"\n- {best(Measured(report))}", after))

@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import re
 
-import _recomputed
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,6 +11,7 @@ from scipy import stats
 
 from ddf_lab.evaluation import claims
 from ddf_lab.report import experiment_page, pages, stage_results
+from docs import recomputed
 
 
 @pytest.fixture(scope="module")
@@ -30,18 +30,18 @@ def page(reported, tmp_path_factory):
     found = dataclasses.replace(found, trainings=both, table=means, seeds=1)
     pages.write(experiment_page.build(found), folder)
     (folder / "per_image.csv").write_text(claims.as_text(both))
-    assert set(scored.groupby(keys).groups) == set(_recomputed.Scores(folder).groups)
+    assert set(scored.groupby(keys).groups) == set(recomputed.Scores(folder).groups)
     return folder
 
 
 def test_both_calculations_agree_and_something_is_bold(page):
-    assert _recomputed.wrong(page) == []
+    assert recomputed.wrong(page) == []
     assert "**0." in (page / "README.md").read_text()
 
 
 def test_a_claim_names_effect_interval_and_number(page):
     """Over one training the interval is that of SciPy's paired test."""
-    scores = _recomputed.Scores(page)
+    scores = recomputed.Scores(page)
     cell = ("chair", "ddf", "Pi_g-L", "F<sub>τ</sub> ↑")
     best = max(scores.of((cell[0], method, *cell[2:]))[1] for method in ("pc_siren", "ddf_image"))
     gap, (shapes, trainings) = scores.of(cell)[1] - best, scores.of(cell)[0].shape[::-1]
@@ -72,10 +72,10 @@ def test_what_is_wrong_is_told(page, tmp_path):
         assert count
     (tmp_path / "README.md").write_text(text)
     (tmp_path / "per_image.csv").write_bytes((page / "per_image.csv").read_bytes())
-    told = _recomputed.wrong(tmp_path)
+    told = recomputed.wrong(tmp_path)
     assert [said for _, said in WRONG.values() if not any(said in line for line in told)] == []
 
 
-@pytest.mark.parametrize("folder", _recomputed.OPEN, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("folder", recomputed.OPEN, ids=lambda folder: folder.name)
 def test_pages_in_git_say_what_their_scores_per_image_say(folder):
-    assert _recomputed.wrong(folder) == []
+    assert recomputed.wrong(folder) == []

@@ -1,12 +1,13 @@
 """Every number, bold cell and "better" of the reports' tables of models, from the committed scores per image alone.
 
-`python tests/_recomputed.py` lists the pages, those without per_image.csv too. Nothing of the package is used:
+`python docs/recomputed.py` lists the pages, those without per_image.csv too. Nothing of the package is used:
 means, standard errors, Student's t and Holm's correction are written down here a second time.
 """
 
 import functools
 import itertools
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -155,4 +156,4 @@ def _listed(names: list[str]) -> str:
 if __name__ == "__main__":
     for page in PAGES:
         told = wrong(page) if page in OPEN else ["no per_image.csv yet: nothing is recomputed"]
-        print(f"{page.relative_to(ROOT)}: {'; '.join(told) or 'all agree'}")
+        sys.stdout.write(f"{page.relative_to(ROOT)}: {'; '.join(told) or 'all agree'}\n")
