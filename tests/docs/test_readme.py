@@ -1,6 +1,5 @@
 """What README.md and the docs tell people to type and to open is there."""
 
-import os
 import re
 import subprocess
 from pathlib import Path
@@ -28,20 +27,6 @@ def test_commands_and_links_exist(page):
     assert missing == made_by_a_run
     if (ROOT / "reports" / "cpu").exists():
         assert missing == []
-
-
-def test_make_alone_lists_every_target():
-    output = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    listed = set(re.findall(r"(?m)^  ([a-z-]+) ", output))
-    assert listed == {target for target in TARGETS if not target.startswith("stage-")}
-    assert "stage-<name>" in output
-
-
-def test_recipes_keep_the_bytecode_that_a_container_may_forbid(tmp_path):
-    (tmp_path / "Makefile").write_text(f"include {ROOT / 'Makefile'}\nshown:\n\t@env\n")
-    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
-    shown = subprocess.run(["make", "shown"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-    assert "PYTHONUNBUFFERED=1" in shown.stdout and "PYTHONDONTWRITEBYTECODE" not in shown.stdout
 
 
 @pytest.mark.parametrize("given", ["/my data/~ (1)", "~/shapes", "a$b", "a'b\"c"])

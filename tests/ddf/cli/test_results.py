@@ -36,10 +36,3 @@ def test_nothing_known_is_null_in_json_and_a_dash_in_text():
     result = {"mean": math.nan, "far": [math.inf, 1.0], "array": np.array([np.nan, 2.0]), "verdict": "v", "table": {}}
     assert json.loads(results.json_line(result)) == {"mean": None, "far": [None, 1.0], "array": [None, 2.0]}
     assert results.text({"mean": math.nan, "of": {"x": None}}) == "mean  –\nof.x  –\n"
-
-
-def test_numbers_of_a_grid_are_set_right_and_words_left():
-    lines = results.grid(("name", "size"), [("a", 5), ("longer", 12000), ("b", None)])
-    assert lines == ["name      size", "a            5", "longer  12,000", "b            –"]
-    assert results.grid(("name",), []) == []
-    assert results.text({"table": lines[:1], "verdict": "done"}) == "name      size\ndone\n"
