@@ -50,7 +50,7 @@ def test_aimed_directions_find_what_uniform_ones_miss():
 
 def test_later_cycles_are_not_aimed_and_the_uniform_directions_stay():
     class _Recording(Sphere):
-        asked = ()
+        asked: tuple[torch.Tensor, ...] = ()
 
         def forward(self, positions, directions, modulations=None):
             self.asked = (*self.asked, directions.clone())
