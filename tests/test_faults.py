@@ -19,7 +19,7 @@ FAULTS = {
     for file, entry in KNOWN.items()
     for name, (old, new) in entry["faults"].items()
 }
-COPIED = ("src", "tests", "bench", "stages", "configs", "pyproject.toml", "pipeline.yaml")
+COPIED = ("src", "tests", "bench", "docs", "stages", "configs", "pyproject.toml", "pipeline.yaml")
 
 
 def test_each_fault_has_its_place_once_and_tests_that_may_notice():

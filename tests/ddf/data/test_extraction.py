@@ -199,3 +199,11 @@ def test_mesh_outside_the_cube_and_bad_settings_are_refused():
         extraction.SamplesConfig(epsilon_o=0.0)
     with pytest.raises(checks.InputError, match="triangle with an area"):
         extraction.extract(FLAT, CONFIG, "x")
+
+
+def test_a_config_says_whether_o_samples_are_all_at_their_distance():
+    fixed, uniform = (
+        extraction.extract(BALL, extraction.SamplesConfig(sample_types.each(200), 0.05, offsets), "s")["O.positions"]
+        for offsets in ("fixed", "uniform")
+    )
+    assert not np.array_equal(fixed, uniform)

@@ -177,3 +177,8 @@ def test_depth_of_a_miss_is_never_read():
     found = _loss(field, spoiled)
     assert torch.equal(_loss(field, batch), found)
     assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))
+
+
+def test_transition_loss_is_quadratic_below_its_bound_and_nothing_above():
+    assert float(losses.transition_loss(torch.tensor([-0.5]), 2.0)) == 2.25
+    assert float(losses.transition_loss(torch.tensor([-3.0]), 2.0)) == 0.0

@@ -73,3 +73,9 @@ def test_loss_has_gradients_in_the_network():
 
     udf.loss(ask, _points(8), network(_points(8))).backward()
     assert all(value.grad is not None and value.grad.abs().sum() > 0 for value in network.parameters())
+
+
+def test_an_invisible_candidate_weighs_as_softmax_says():
+    ways = torch.tensor([[[1.0, 0, 0], [0, 1, 0]]], dtype=torch.float64)
+    found = udf.closest_directions(ways, torch.tensor([[1.0, 0.0]]).double(), torch.ones(1, 2).double(), 1.0, 0.0)[0]
+    assert_close(found[0] / found[1], torch.tensor(torch.e, dtype=torch.float64))
