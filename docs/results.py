@@ -132,16 +132,16 @@ def far(measured: Measured, rows: Rows) -> Rows:
 def best(measured: Measured) -> str:
     """Which model has the best means of D_C and F(τ) at both cameras, and which of them are claimed to be better."""
     found, claimed = Counter[str](), dict[str, list[str]]()
+    scores = recomputed.Scores(measured.folder) if measured.claims else None
     for camera, category, metric in itertools.product(("true", "predicted"), CATEGORIES, ("D_C", "F(τ)")):
         column, name = {"true": "Pi_g-L", "predicted": "Pi_pred-L"}[camera], METRICS[metric][0]
         keys = {model: (category, own, column, name) for model, own in MODELS.items()}
         there = {model: measured.value(*key) for model, key in keys.items() if key in measured.rows}
         found[(min if metric == "D_C" else max)(there, key=lambda model: there[model])] += 1
         for model, key in keys.items():
-            if key in measured.claims:
+            if scores and key in measured.claims:
                 cell = (f"{measured.group} {category}".strip(), key[1], column, PRINTED[metric])
-                effect = recomputed.Scores(measured.folder).told(cell)
-                claimed.setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({effect})")
+                claimed.setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({scores.told(cell)})")
     means = f"Best of {found.total()} means: {', '.join(f'{name} {count}' for name, count in found.most_common())}."
     if not measured.open:
         return f"{means} None is claimed to be better: scores per image of this run were not kept."

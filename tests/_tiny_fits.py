@@ -17,6 +17,15 @@ TINY = dataclasses.replace(
     batch=dict.fromkeys(sample_types.ORDER, 20),
     loop=loop_config.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
 )
+SPHERE = dataclasses.replace(  # enough for a sphere
+    TINY,
+    field=pddf.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
+    steps=500,
+    samples=sample_types.each(10_000),
+    held_out=1000,
+    batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
+    loop=loop_config.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
+)
 SECTION = {
     "field": {"hidden": [16, 16], "omega_first": 3.0, "direction_scale": 1.0},
     "steps": 5,

@@ -264,16 +264,20 @@ def fit(
     if (mesh is None) == (rays is None):
         raise checks.InputError("a field is fitted to a mesh or to rays")
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        of_scan = isinstance(rays, scans.Scan)
-        found = posed_depth.Sensed(rays, "a scan", 1) if of_scan else rays and posed_depth.read(Path(rays))
+        if rays is None:
+            found = None
+        elif isinstance(rays, scans.Scan):
+            found = posed_depth.Sensed(rays, "a scan", 1)
+        else:
+            found = posed_depth.read(Path(rays))
         if network:
             settings = network_settings(minutes, steps)
             from ddf.fit import fitting
 
-            if found:
+            if found is not None:
                 found.require_sensed()
-            fitting.fit(found.scan if found else meshes.as_mesh(mesh), settings, Path(folder))
-        elif found:
+            fitting.fit(meshes.as_mesh(mesh) if found is None else found.scan, settings, Path(folder))
+        elif found is not None:
             patch_fitting.fit_rays(found.scan, tolerance, Path(folder), sensed=found.sensed)
         else:
             patches = octree.PatchConfig.within(None if tolerance is None else float(tolerance))

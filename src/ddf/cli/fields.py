@@ -14,8 +14,6 @@ from ddf.core import errors
 from ddf.fields import field_outputs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ddf.fields import framed_field
     from ddf.geometry import mesh_io, posed_depth
 
@@ -71,13 +69,9 @@ def fit(
     of_rays = posed_depth.is_rays(mesh)
     if kind != "sine" and not of_sine:
         if of_rays:
-            return _of_rays(
-                mesh,
-                out,
-                lambda found, sources: patch_fitting.fit_rays(
-                    found.scan, tolerance, out, sources, sensed=found.sensed, force=force
-                ),
-            )
+            found, sources = _sensed(mesh)
+            result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force)
+            return _of_rays(found, out, result, f"{result['patches']:,} patches, {result['bytes']:,} bytes")
         from ddf.fields.grid import octree
 
         patches = octree.PatchConfig.within(tolerance)
@@ -93,12 +87,9 @@ def fit(
         settings = dataclasses.replace(settings, loop=dataclasses.replace(settings.loop, seed=seed))
     used = threads_of(settings.loop.threads, settings.steps is None)
     if of_rays:
-        return _of_rays(
-            mesh,
-            out,
-            lambda found, sources: fitting.fit(found.scan, settings, out, sources, threads=used, force=force),
-            network=True,
-        )
+        found, sources = _sensed(mesh, network=True)
+        result = fitting.fit(found.scan, settings, out, sources, threads=used, force=force)
+        return _of_rays(found, out, result, f"{result['steps']:,} steps")
     loaded = mesh_io.load_surface(mesh)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
@@ -107,13 +98,8 @@ def fit(
     return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", f"{spent}{few}")
 
 
-def _of_rays(
-    source: Path,
-    out: Path,
-    fit: "Callable[[posed_depth.Sensed, dict[str, str]], dict[str, Any]]",
-    network: bool = False,
-) -> dict[str, Any]:
-    """A field of what a sensor saw; what was understood of it is told before."""
+def _sensed(source: Path, network: bool = False) -> tuple["posed_depth.Sensed", dict[str, str]]:
+    """What a sensor saw, which is told before the work, and the checksum of its source."""
     from ddf.core import storage
     from ddf.geometry import posed_depth
 
@@ -122,17 +108,20 @@ def _of_rays(
     if network:
         found.require_sensed()
     logging.getLogger(__name__).info(found.told)
-    result = fit(found, {source.name: storage.checksum(source)})
-    already, errors = result.pop("already"), result["held_out"]
-    spent = f"{result['steps']:,} steps" if network else f"{result['patches']:,} patches, {result['bytes']:,} bytes"
+    return found, {source.name: storage.checksum(source)}
+
+
+def _of_rays(found: "posed_depth.Sensed", out: Path, result: dict[str, Any], spent: str) -> dict[str, Any]:
+    """The result of a fit to rays with a table and a verdict."""
+    already, off = result.pop("already"), result["held_out"]
     return {
         **result,
         "understood": found.told,
         "left_out": list(found.scan.remarks),
         "table": {
-            "held-out rays": errors["rays"],
-            "median |depth - range|": errors["depth_median"],
-            "wrong": f"{errors['wrong']:.2%}",
+            "held-out rays": off["rays"],
+            "median |depth - range|": off["depth_median"],
+            "wrong": f"{off['wrong']:.2%}",
             "noise": result["noise"],
             "space seen": f"{result['seen']:.0%}",
         },

@@ -1,6 +1,7 @@
 """The folder of a fit: who may write there, what an earlier fit left, and its mesh in [-1, 1]³."""
 
 import contextlib
+import hashlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,10 +11,17 @@ import numpy as np
 
 from ddf.core import checks, processes, storage
 from ddf.fields import field_file
-from ddf.geometry import mesh_io, transforms
+from ddf.geometry import mesh_io, scans, transforms
 from ddf.models import loop_config
 
 METRICS, PLAN, _LOCK = "fit.json", "plan.json", ".lock"
+
+
+def digest(raw: mesh_io.Mesh | scans.Scan) -> str:
+    """Of what a field is fitted to: SHA-256 of a mesh's or a scan's arrays."""
+    of_scan = isinstance(raw, scans.Scan)
+    told = (raw.positions, raw.directions, raw.ranges) if of_scan else (raw.vertices, raw.faces)
+    return hashlib.sha256(b"".join(each.tobytes() for each in told)).hexdigest()
 
 
 def owned(out_dir: Path) -> contextlib.AbstractContextManager[int]:

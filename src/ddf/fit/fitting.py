@@ -11,7 +11,6 @@ too slow or too busy for all of them. What was begun stands in `plan.json`, by w
 
 import dataclasses
 import functools
-import hashlib
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -144,9 +143,7 @@ def fit(
     """
     with fit_folder.owned(out_dir):
         started = time.monotonic()
-        of_scan = isinstance(raw, scans.Scan)
-        told = (raw.positions, raw.directions, raw.ranges) if of_scan else (raw.vertices, raw.faces)
-        content = hashlib.sha256(b"".join(each.tobytes() for each in told)).hexdigest()
+        content = fit_folder.digest(raw)
         names = [item.name for item in dataclasses.fields(config) if item.name != "minutes"]  # more of them go on
         recipe = {name: getattr(config, name) for name in names}
         identity = provenance.fingerprint([recipe, content, without], (), "ddf.fit.fitting")

@@ -1,6 +1,5 @@
 """Patches (`fields.grid`) of a mesh or of measured rays, with held-out errors: nothing is trained, it takes seconds."""
 
-import hashlib
 import logging
 import time
 from collections.abc import Callable, Mapping
@@ -60,7 +59,7 @@ def fit(
 
         return patch_field.fitted(mesh, own_from_mesh, config), errors
 
-    return _written([config], (raw.vertices, raw.faces), out_dir, source, force, make)
+    return _written([config], raw, out_dir, source, force, make)
 
 
 def fit_rays(
@@ -92,8 +91,7 @@ def fit_rays(
 
         return of_fused(surface, tolerance), errors
 
-    told = (scan.positions, scan.directions, scan.ranges)
-    return _written(["rays", tolerance, sensed], told, out_dir, source, force, make)
+    return _written(["rays", tolerance, sensed], scan, out_dir, source, force, make)
 
 
 @dataclass(frozen=True)
@@ -150,7 +148,7 @@ def ray_errors(field: framed_field.FramedField, scan: scans.Scan, off: float) ->
 
 def _written(
     facts: list[Any],
-    content: tuple[np.ndarray, ...],
+    raw: mesh_io.Mesh | scans.Scan,
     out_dir: Path,
     source: Mapping[str, str] | None,
     force: bool,
@@ -159,7 +157,7 @@ def _written(
     """The folder of a fit, as of `fit`; make: its arrays, its record, and how its errors are told."""
     with fit_folder.owned(out_dir):
         started = time.monotonic()
-        told = hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in content)).hexdigest()
+        told = fit_folder.digest(raw)
         identity = provenance.fingerprint([*facts, told], (), "ddf.fit.patch_fitting")
         plan = fit_folder.plan_of(told, identity, out_dir, force)
         if not force and (earlier := fit_folder.finished(out_dir, identity)) is not None:

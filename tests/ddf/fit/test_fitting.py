@@ -12,7 +12,7 @@ import pytest
 import torch
 from _shapes import cube, icosphere, joined, moved, torus
 from _support import damage
-from _tiny_fits import TINY
+from _tiny_fits import SPHERE, TINY
 
 from ddf.core import checks, processes, storage
 from ddf.data.samples import sample_types
@@ -23,15 +23,6 @@ from ddf.models import loop_config
 from ddf.training import training_loop
 from ddf_lab.evaluation import shape_fits
 
-SPHERE = dataclasses.replace(
-    TINY,
-    field=pddf.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
-    steps=500,
-    samples=sample_types.each(10_000),
-    held_out=1000,
-    batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
-    loop=loop_config.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
-)
 RADIUS, CENTRE = 3.0, (10.0, -4.0, 2.0)
 
 

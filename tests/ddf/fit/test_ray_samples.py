@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from _sphere_scan import RADIUS, sphere_scan
-from _tiny_fits import TINY
+from _tiny_fits import SPHERE
 
 from ddf.core import checks
 from ddf.data.samples import extraction, sample_types
-from ddf.fields import framed_field, pddf, shape_field
+from ddf.fields import framed_field, shape_field
 from ddf.fit import fitting, ray_samples
 from ddf.geometry import mesh_io, rays, scans, transforms
-from ddf.models import loop_config
 
 SCALE = 0.4
 FRAME = transforms.Similarity(SCALE, np.eye(3), np.array([0.1, 0.0, -0.2]))
@@ -44,14 +43,7 @@ def test_rays_that_end_before_the_box_tell_nothing():
 
 
 def test_a_network_fitted_to_rays_alone_is_the_sphere(tmp_path):
-    config = dataclasses.replace(
-        TINY,
-        field=pddf.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
-        steps=300,
-        samples=sample_types.each(10_000),
-        batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
-        loop=loop_config.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
-    )
+    config = dataclasses.replace(SPHERE, steps=300)
     result = fitting.fit(sphere_scan(24), config, tmp_path)
     ways = np.random.default_rng(0).standard_normal((500, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
