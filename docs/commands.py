@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ddf.cli.commands import COMMANDS, ROOMS
+from ddf.cli.frame import COMMANDS, ROOMS
 
 OUT = Path(__file__).with_suffix(".md")
 INTRODUCTION = """# Commands

@@ -4,11 +4,10 @@ from ddf_lab.engine import stage
 from ddf_lab.figures import (
     distance_figure,
     figure_fields,
-    fit_figure,
+    fit_figures,
     room_figure,
     sample_figure,
     slice_figures,
-    sphere_figures,
 )
 from ddf_lab.report import pages
 from ddf_lab.run import Run
@@ -17,8 +16,8 @@ SECTIONS = (  # in the order of the page
     slice_figures.teaser_section,
     sample_figure.section,
     slice_figures.slices_section,
-    sphere_figures.section,
-    fit_figure.section,
+    fit_figures.spheres_section,
+    fit_figures.shapes_section,
     room_figure.section,
     distance_figure.section,
 )

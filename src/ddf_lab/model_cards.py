@@ -22,7 +22,7 @@ from ddf.fit import fit_folder, fit_settings, fitting, latent_prior, shape_sampl
 from ddf.io import onnx_file
 from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf.training import line_steps
-from ddf_lab.evaluation import groups, one_model, other_kinds
+from ddf_lab.evaluation import card_scores, groups
 from ddf_lab.run import Run, class_of
 
 ONNX, CARD, INDEX, SOURCES = "field.onnx", "card.md", "index.json", "sources.csv"
@@ -116,7 +116,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     for number, (shape, views) in enumerate(dataset.views(name, "test")[:SAMPLES]):
         image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
-    told = other_kinds.tell_apart(out, name, run.root / "kinds")
+    told = card_scores.tell_apart(out, name, run.root / "kinds")
     seen, shapes = _seen(run, dataset, name), dataset.views(name, "train")
     write_sources(seen, out / SOURCES)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
@@ -165,7 +165,7 @@ def write_sources(rows: Sequence[manifest.Row], path: Path) -> None:
 def _scores(run: Run, folder: Path) -> list[str]:
     """What the shipped weights of the run's category reach on its test shapes: on real ones alone, where there are."""
     kind = groups.REAL if storage.read_json(run.index)["source"] == "both" else ""
-    means, said = one_model.measure(run, LABEL, folder, "test", kind).means(), []
+    means, said = card_scores.measure(run, LABEL, folder, "test", kind).means(), []
     for group in means.index.unique("category"):
         reached = []
         for camera, column in (("true camera", "Pi_g-L"), ("predicted camera", "Pi_pred-L")):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ddf import cli
-from ddf.cli import commands
+from ddf.cli import frame
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -17,9 +17,9 @@ def test_the_page_is_current():
     assert (DOCS / "commands.md").read_text(encoding="utf-8") == written, "run: python docs/commands.py"
 
 
-@pytest.mark.parametrize("name", commands.COMMANDS)
+@pytest.mark.parametrize("name", frame.COMMANDS)
 def test_examples_are_well_formed(name, monkeypatch):
     monkeypatch.setattr("ddf.core.processes.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
-    for example in commands.COMMANDS[name].docstring.examples:
+    for example in frame.COMMANDS[name].docstring.examples:
         assert example.startswith(f"ddf {name}")
         assert cli.main(shlex.split(example)[1:]) == 0, example

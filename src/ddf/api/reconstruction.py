@@ -14,7 +14,7 @@ from ddf.geometry import mesh_io
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
-    from ddf.reconstruction import one_image, painting
+    from ddf.reconstruction import one_image, solid
 
 CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("shape.glb", "shape.ply")
 _TOLERANCE = 2e-3  # of half the longest side: patches come so near to the mesh, whose cells are ten times as large
@@ -91,11 +91,11 @@ class Reconstruction:
         return out_of_distribution.verdict(self.unlike, self.kind)
 
     @cached_property
-    def paint(self) -> "painting.Paint":
+    def paint(self) -> "solid.Paint":
         """The field in the picture's colours, seen from anywhere."""
-        from ddf.reconstruction import painting
+        from ddf.reconstruction import solid
 
-        return painting.Paint(self.field.framed, self._seen_from, self.view)
+        return solid.Paint(self.field.framed, self._seen_from, self.view)
 
     def save(self, folder: str | Path) -> dict[str, Any]:
         """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png

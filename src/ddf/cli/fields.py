@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ddf.cli import arguments, image_files, results
+from ddf.cli import arguments, results
 from ddf.cli.arguments import FieldPath, Outputs, Points, Rays, Seed
 from ddf.cli.declare import Arg, command
 from ddf.core import errors
@@ -141,7 +141,7 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
         field = stored_fields.load(out)
         truth = inspection.beside(field, mesh)
         looks = inspection.measure(field, truth)
-        storage.write_bytes(picture, image_files.encode([inspection.picture(field, truth)], picture.suffix))
+        storage.write_bytes(picture, results.encode([inspection.picture(field, truth)], picture.suffix))
         storage.write_json(out / fit_folder.METRICS, {**result, "looks": looks})
     return {
         **result,
@@ -201,7 +201,7 @@ def query(
 
     points = ray_files.read_npz(rays)
     found, evaluated = framed_field.query(load(field, outputs), points, outputs)
-    storage.write_bytes(out, image_files.npz(found))
+    storage.write_bytes(out, results.npz(found))
     total = len(points.positions)
     return {
         "rays": total,
@@ -277,7 +277,7 @@ def udf(
 
     (positions,) = ray_files.npz_vectors(points, ("positions",))
     distances, directions = fields.load(field).udf(positions)
-    storage.write_bytes(out, image_files.npz({"distances": distances, "directions": directions}))
+    storage.write_bytes(out, results.npz({"distances": distances, "directions": directions}))
     least, most = (float(f(distances)) if len(distances) else float("nan") for f in (np.min, np.max))
     return {
         "points": len(distances),

@@ -1,11 +1,18 @@
 """The frame of every command: arguments, help, results as a table or as JSON, errors in one line.
 
+Commands are the functions that modules beside this one declare, by `declare.command`. What such a module imports at its
+top is what bare help waits for: what takes long to load belongs inside the functions. A command returns its result, one
+JSON object with --json, to which the frame adds what it wrote. Two keys are for people alone: `table` (label to value,
+shown instead of the rest) and `verdict` (one line, shown last).
+
 Exit code 0; 2 after one line on stderr when the input is at fault; 130 or 143 when SIGINT or SIGTERM ended it, after a
 line that says what is kept.
 """
 
 import argparse
 import contextlib
+import importlib
+import importlib.util
 import io
 import os
 import re
@@ -17,10 +24,15 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ddf.cli import arguments, declare, results
-from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
+from ddf.cli import arguments, declare, doctor, experiments, fields, meshes, models, results, shapes, views
 from ddf.core import errors, extras, processes
 
+ROOMS = {"mesh": "meshes and clouds", "field": "fields", "model": "trained models", "experiment": "experiments"}
+IN_A_CHECKOUT = ("run", "info")  # those that `ddf_lab` brings
+_MODULES = [meshes, shapes, fields, views, models, experiments, doctor]
+if importlib.util.find_spec("ddf_lab"):
+    _MODULES.append(importlib.import_module("ddf_lab.commands"))
+COMMANDS: dict[str, declare.Command] = {each.name: each for module in _MODULES for each in declare.found_in(module)}
 _NEGATIVE = re.compile(r"-(\.?\d|[xyz]$)")  # how a negative value, or an axis, begins; no option does
 _CHOICE = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")  # as argparse has it
 

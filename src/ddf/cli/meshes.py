@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ddf.cli import arguments, image_files, results
+from ddf.cli import arguments, results
 from ddf.cli.arguments import MeshPath, Natural, Rays, Seed
 from ddf.cli.declare import Arg, command
 
@@ -107,7 +107,7 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     loaded = mesh_io.load(mesh)
     hits = raycast.cast(loaded, points)
     arrays = {"depth": hits.depth, "visible": hits.visible, "normals": hits.normals}
-    storage.write_bytes(out, image_files.npz(arrays))
+    storage.write_bytes(out, results.npz(arrays))
     count, seen = len(hits.depth), int(hits.visible.sum())
     verdict = f"{seen:,} of {count:,} rays hit; depth is in units of {mesh}, inf on a miss"
     verdict += results.left_out(loaded.remarks)

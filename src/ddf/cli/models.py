@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from ddf.cli import arguments, image_files, results
+from ddf.cli import arguments, results
 from ddf.cli.arguments import ModelPath, OutFolder, Points
 from ddf.cli.declare import Arg, command
 from ddf.core import errors, shipped_models
@@ -204,7 +204,7 @@ def complete(
     for name, chosen in halves.items():
         storage.write_bytes(out / f"{name}.ply", mesh_io.points_ply(found.points[chosen]))
     arrays = {"points": found.points, "seen": found.seen, "spread": found.spread, "residuals": found.residuals}
-    storage.write_bytes(out / "cloud.npz", image_files.npz(arrays))
+    storage.write_bytes(out / "cloud.npz", results.npz(arrays))
     both = np.abs(found.residuals[np.isfinite(found.residuals)])
     result = {
         "pose": found.pose.tolist(),
@@ -263,7 +263,7 @@ def generate(
         folder = out / f"{number:03d}"
         dataclasses.replace(shape, record={"seed": seed}).save(folder)
         for name, picture in seen.items():
-            storage.write_bytes(folder / f"{name}.png", image_files.encode([picture], ".png"))
+            storage.write_bytes(folder / f"{name}.png", results.encode([picture], ".png"))
     made = {"samples": _rows(looks)}
     if samples > 1:
         ends = [generated_images.between((each[0], each[1]), _INTERPOLATED) for each in (latents, textures)]

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
-from ddf.cli import arguments, image_files, results
+from ddf.cli import arguments, results
 from ddf.cli.arguments import CameraOption, FieldPath, ImageOutputs, PictureOutputs
 from ddf.cli.declare import Arg, command
 from ddf.cli.fields import load
@@ -69,7 +69,7 @@ def render(
     """
     suffix = out.suffix.lower()
     if outputs is None:
-        numbers = suffix not in image_files.PICTURES or bits == 16
+        numbers = suffix not in results.PICTURES or bits == 16
         outputs = ("depth",) if numbers else (arguments.SHADED,)
     _require_holds(out, suffix, outputs, turn, bits)
     if outputs == (arguments.SHADED,):
@@ -113,9 +113,9 @@ def _told(
 
 
 def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int | None, bits: int) -> None:
-    pictures, shaded = image_files.PICTURES, outputs == (arguments.SHADED,)
-    if suffix not in (*pictures, *image_files.ARRAYS):
-        raise errors.InputError(f"{out}: must end in one of {', '.join((*pictures, *image_files.ARRAYS))}")
+    pictures, shaded = results.PICTURES, outputs == (arguments.SHADED,)
+    if suffix not in (*pictures, *results.ARRAYS):
+        raise errors.InputError(f"{out}: must end in one of {', '.join((*pictures, *results.ARRAYS))}")
     if shaded and suffix not in pictures:
         raise errors.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
     if turn is not None and not shaded:
@@ -146,7 +146,7 @@ def _shaded(
     frames = [shaded.render(standing, each, size, shown) for each in seen_by]
     seconds = time.monotonic() - started
     pictures = [frame.picture for frame in frames]
-    storage.write_bytes(out, image_files.encode(pictures, out.suffix.lower(), _FRAME_MS))
+    storage.write_bytes(out, results.encode(pictures, out.suffix.lower(), _FRAME_MS))
     pixels, seen = len(frames) * size**2, float(np.mean([frame.seen for frame in frames]))
     told = f"{len(frames)} x {size} x {size}" if turn else f"{size} x {size}"
     found = _told(out, told, (azimuth, elevation, far), pixels, seen, shape.queries, seconds)
@@ -169,18 +169,18 @@ def _write(
     from ddf.core import storage
 
     if suffix == ".exr":
-        image_files.write_exr(out, drawn)
+        results.write_exr(out, drawn)
     elif suffix == ".npz":
-        storage.write_bytes(out, image_files.npz(drawn))
+        storage.write_bytes(out, results.npz(drawn))
     elif bits == 16:
-        data, step = image_files.depth_png(drawn["depth"])
+        data, step = results.depth_png(drawn["depth"])
         storage.write_bytes(out, data)
         return step
     else:
         from ddf.pictures import field_pictures
 
         (name,) = drawn
-        storage.write_bytes(out, image_files.encode([field_pictures.picture(name, images)], suffix))
+        storage.write_bytes(out, results.encode([field_pictures.picture(name, images)], suffix))
     return None
 
 
@@ -346,10 +346,10 @@ def scene(
     from ddf.fields import framed_field, scene_field
     from ddf.geometry import rays
 
-    suffix, known = out.suffix.lower(), (*image_files.PICTURES, ".npz")
+    suffix, known = out.suffix.lower(), (*results.PICTURES, ".npz")
     if suffix not in known:
         raise errors.InputError(f"{out}: must end in one of {', '.join(known)}")
-    if suffix in image_files.PICTURES and len(outputs) > 1:
+    if suffix in results.PICTURES and len(outputs) > 1:
         raise errors.InputError(f"{out}: pictures show one output, .npz holds {len(outputs)}")
     content = scenes.read_content(scene)
     whole = scenes.build(content, scene.parent).framed
@@ -367,9 +367,9 @@ def scene(
     stacked = {name: np.stack([frame[name] for frame in seen]) for name in seen[0]}
     if suffix == ".npz":
         arrays = {name: stacked[name] if path else stacked[name][0] for name in outputs}
-        storage.write_bytes(out, image_files.npz(arrays))
+        storage.write_bytes(out, results.npz(arrays))
     else:
-        storage.write_bytes(out, image_files.encode(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
+        storage.write_bytes(out, results.encode(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
     pixels, queries = size**2 * len(looks), sum(field.queries for field in counted)
     saved = pixels * len(counted) - queries  # of every object asked once for every pixel
     return {

@@ -2,7 +2,7 @@
 
 A mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
-Rays: `ray_samples`; some are held out.
+Rays: `shape_samples`; some are held out.
 
 Budget: `steps` is the reproducible way. `minutes` is the convenient one: a clock for sampling and training, which the
 schedule follows (`loop_config.Clock`). Sampling takes at most `SAMPLING_SHARE` of it, with fewer samples on a machine
@@ -25,7 +25,7 @@ from torch import Tensor
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_values, losses, model_files, pddf, shape_field
-from ddf.fit import fit_folder, fit_settings, held_out, patch_fitting, ray_samples, shape_samples
+from ddf.fit import fit_folder, fit_settings, held_out, patch_fitting, shape_samples
 from ddf.geometry import mesh_io, scans, transforms
 from ddf.models import loop_config
 from ddf.training import training_loop
@@ -105,12 +105,12 @@ def _of_rays(scan: scans.Scan, config: fit_settings.FitConfig) -> _Given:
     field_from_scan = transforms.Similarity(1 - config.margin).compose(own_from_scan)
 
     def draw(counts: dict[str, int]) -> shape_samples.ShapeSamples:
-        return ray_samples.draw(split.kept, mesh, field_from_scan, drawn, sum(counts.values()))
+        return shape_samples.draw_from_rays(split.kept, mesh, field_from_scan, drawn, sum(counts.values()))
 
     def errors(_: pddf.PDDF, out_dir: Path) -> dict[str, Any]:
         return {"held_out": split.errors(shape_field.load(out_dir)), **facts}
 
-    return _Given(own_from_scan, ray_samples.weights(config.weights), lambda: 1.0, draw, errors)
+    return _Given(own_from_scan, shape_samples.ray_weights(config.weights), lambda: 1.0, draw, errors)
 
 
 def fit(

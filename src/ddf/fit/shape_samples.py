@@ -1,4 +1,10 @@
-"""The samples of one shape, decoded and in memory: what a fit draws its batches from, and is measured on."""
+"""The samples of one shape, decoded and in memory: what a fit draws its batches from, and is measured on.
+
+Of a mesh, or of measured rays where no surface is given. A ray that ended on something tells its depth from every place
+on it, less by as much as the place is ahead; one that went on, that nothing is met from any of its places. No ray tells
+normals, nor what is seen along a surface or from behind it: these terms of the loss and types of samples are left out.
+Source: [DDF22] §1, pointwise depth data, and §3.1, property I: ∂d(p + s v, v)/∂s = -1.
+"""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,13 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from ddf.core import checks
 from ddf.data import packing
 from ddf.data.samples import extraction, sample_types
-from ddf.geometry import mesh_io
+from ddf.geometry import mesh_io, rays, scans, transforms
 
 if TYPE_CHECKING:
     from ddf.data.samples import sample_batch
+    from ddf.fields import losses
 
+RAY_KIND = "A"  # as which the loss takes samples of rays: with depth, visibility and both eikonal terms
 HELD_OUT = 10_000  # of each type, for the errors
 THIN_BOX = 0.05  # of its longest side: a thinner mesh is fitted in the cube, for its own box has no room for rays
 
@@ -124,3 +133,46 @@ def within(
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
     offset = drawing.epsilon_o * unit
     return mesh, extraction.SamplesConfig(counts, offset, "fixed", box, drawing.margin, seed=drawing.seed)
+
+
+def ray_weights(of_mesh: "losses.LossWeights") -> "losses.LossWeights":
+    """Those of a fit to a mesh, but for what rays do not tell."""
+    return dataclasses.replace(of_mesh, normals=0.0, transition=0.0)
+
+
+def draw_from_rays(
+    scan: scans.Scan,
+    surface: mesh_io.Mesh,
+    field_from_scan: transforms.Similarity,
+    config: extraction.SamplesConfig,
+    count: int,
+) -> ShapeSamples:
+    """So many samples, float32, of the rays that cross the shape's box, field frame.
+
+    Args:
+      surface: that the hits have in common, field frame: the box is its own.
+      config: of samples of a mesh: margin, box and seed.
+    Raises:
+      InputError: no ray crosses the box.
+    """
+    box, scale = extraction.box_of(surface, config), field_from_scan.scale
+    starts, ways = field_from_scan.apply(scan.positions), field_from_scan.apply_directions(scan.directions)
+    first, last = rays.box_span(starts, ways, box.lower, box.upper)
+    ended = scale * scan.ranges < last
+    end = np.minimum(scale * scan.ranges, last)
+    (useful,) = np.nonzero(first < end)
+    if not len(useful):
+        raise checks.InputError("no ray crosses the box of what the rays hit")
+    random = np.random.default_rng(config.seed)
+    rows = useful[random.integers(0, len(useful), count)]
+    along = first[rows] + random.random(count) * (end - first)[rows]
+    visible = ended[rows].astype(np.float32)
+    samples = {
+        "positions": rays.surface_points(starts[rows], ways[rows], along).astype(np.float32),
+        "directions": ways[rows].astype(np.float32),
+        "visible": visible,
+        "depth": (visible * (end[rows] - along)).astype(np.float32),
+        "normals": np.zeros((count, 3), np.float32),
+    }
+    lower, upper = (side.astype(np.float64) for side in (box.lower, box.upper))
+    return ShapeSamples({RAY_KIND: samples}, lower, upper, 1 - config.margin)

@@ -9,7 +9,7 @@ from _shapes import cube
 
 import ddf
 from ddf import cli
-from ddf.cli import commands, meshes
+from ddf.cli import frame, meshes
 from ddf.core import checks
 from ddf.data import mesh_config
 from ddf.fields import framed_field
@@ -21,7 +21,7 @@ def test_lists_and_defaults_are_those_of_the_library():
     """They are written out in the declarations, since importing the library takes long."""
     at = {
         (name, each.name): each.default if each.arg.metavar else each.kind
-        for name, command in commands.COMMANDS.items()
+        for name, command in frame.COMMANDS.items()
         for each in command.parameters
     }
     assert get_args(at["render", "up"]) == framed_field.UP_AXES

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from ddf import cli
-from ddf.cli import commands, declare, frame
+from ddf.cli import declare, frame
 from ddf.core import checks, processes
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -32,7 +32,7 @@ def command(monkeypatch):
                 raise run
             return run(types.SimpleNamespace(word=word))
 
-        monkeypatch.setitem(commands.COMMANDS, "doctor", declare.command("experiment")(doctor))
+        monkeypatch.setitem(frame.COMMANDS, "doctor", declare.command("experiment")(doctor))
 
     return install
 
@@ -91,7 +91,7 @@ def _fresh(program, *arguments, **environment):
 @pytest.mark.parametrize(
     ("lines", "kept_out"),
     [
-        ([[name, "--help"] for name in commands.COMMANDS], ["torch", "matplotlib", "pandas", "PIL", "pymeshlab"]),
+        ([[name, "--help"] for name in frame.COMMANDS], ["torch", "matplotlib", "pandas", "PIL", "pymeshlab"]),
         ([["--version"]], ["numpy"]),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ddf.cli import image_files
+from ddf.cli import results
 from ddf.core import checks
 from ddf.geometry import scans, transforms
 
@@ -234,7 +234,7 @@ def test_our_own_png_of_depth_is_read_along_its_rays_by_the_step_that_it_says(sa
     truth = scans.of_depth(np.full((24, 30), 2.0), INTRINSICS)
     ranges = truth.ranges.reshape(24, 30) * 2.5 / truth.ranges.max()
     ranges[0, 1] = np.inf
-    data, step = image_files.depth_png(ranges)
+    data, step = results.depth_png(ranges)
     (tmp_path / "view.png").write_bytes(data)
     (tmp_path / "view.json").write_text(json.dumps(SAID | said))
     scan = scans.read(tmp_path / "view.png")

@@ -10,7 +10,7 @@ from _tiny_fits import SPHERE
 from ddf.core import checks
 from ddf.data.samples import extraction, sample_types
 from ddf.fields import framed_field, shape_field
-from ddf.fit import fitting, ray_samples
+from ddf.fit import fitting, shape_samples
 from ddf.geometry import mesh_io, rays, scans, transforms
 
 SCALE = 0.4
@@ -23,8 +23,8 @@ DRAWN = extraction.SamplesConfig(sample_types.each(1), 0.05, "fixed", "tight", 0
 
 def test_samples_of_exact_rays_are_exact():
     """Of a sphere: visible ones end on it where they say, and what is not visible misses it."""
-    found = ray_samples.draw(sphere_scan(24), BOX, FRAME, DRAWN, 4000)
-    part = {name: values.astype(np.float64) for name, values in found.arrays[ray_samples.KIND].items()}
+    found = shape_samples.draw_from_rays(sphere_scan(24), BOX, FRAME, DRAWN, 4000)
+    part = {name: values.astype(np.float64) for name, values in found.arrays[shape_samples.RAY_KIND].items()}
     start, way, visible = part["positions"] - FRAME.translation, part["directions"], part["visible"] > 0
     assert 0.2 < visible.mean() < 0.95 and (part["depth"][visible] > 0).all() and (part["depth"][~visible] == 0).all()
     assert (part["positions"] >= found.lower - 1e-6).all() and (part["positions"] <= found.upper + 1e-6).all()
@@ -39,7 +39,7 @@ def test_rays_that_end_before_the_box_tell_nothing():
     scan = sphere_scan(8)
     near = scans.Scan(scan.positions, scan.directions, np.full(len(scan.ranges), 1e-3))
     with pytest.raises(checks.InputError, match="no ray crosses the box"):
-        ray_samples.draw(near, BOX, FRAME, DRAWN, 10)
+        shape_samples.draw_from_rays(near, BOX, FRAME, DRAWN, 10)
 
 
 def test_a_network_fitted_to_rays_alone_is_the_sphere(tmp_path):
