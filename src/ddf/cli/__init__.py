@@ -1,4 +1,4 @@
-"""The `ddf` command: `commands.COMMANDS` lists the commands, each is one module of a room, `frame` runs them."""
+"""The `ddf` command: `frame.COMMANDS` lists the commands, each a function of a module here, and `frame` runs them."""
 
 import importlib
 import time

@@ -20,15 +20,13 @@ def root(tmp_path_factory):
 
 
 def _shape(root, index):
-    name = write.shape_id(3, "chair", index)
-    camera = shapenet.read_cameras(shapenet.rendering_dir(root, SYNSET, name))[0]
-    path = shapenet.model_path(root, SYNSET, name)
-    return path, (str(shapenet.image_path(root, SYNSET, name, 0)), *camera.tolist())
+    shape = root, SYNSET, write.shape_id(3, "chair", index)
+    (camera,) = shapenet.read_cameras(shapenet.rendering_dir(*shape))
+    return shapenet.model_path(*shape), (str(shapenet.image_path(*shape, 0)), *camera.tolist())
 
 
 def test_a_mesh_agrees_with_its_render(root):
-    for index in range(2):
-        path, view = _shape(root, index)
+    for path, view in (_shape(root, 0), _shape(root, 1)):
         assert mesh_preparation.require_silhouette(mesh_io.load(path), *view) > 0.999
 
 
