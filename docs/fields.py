@@ -1,4 +1,4 @@
-"""Writes docs/fields.webp, the picture of README.md: depth, normals and curvature of the fields of `ddf models`.
+"""Writes docs/fields.webp, the picture of README.md: depth, normals and curvature of the networks of `ddf models`.
 
 Its metadata hold the checksums of the fields.
 """
@@ -22,7 +22,7 @@ OUT = Path(__file__).with_suffix(".webp")
 def main() -> None:
     """One row an output, one column a field."""
     asked = (*OUTPUTS, "visibility")
-    images = [ddf.load(name).render(size=SIDE, outputs=asked) for name in FIELDS]
+    images = [ddf.load(f"{name}-network").render(size=SIDE, outputs=asked) for name in FIELDS]
     rows = [
         picture_strips.StripRow(label, (), [field_pictures.picture(output, each) for each in images])
         for output, label in OUTPUTS.items()

@@ -18,10 +18,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from bench.reconstruction import complete
 from ddf.data.public import manifest
 from ddf.fields import framed_field
+from ddf.fit import patch_fitting
 from ddf.geometry.mesh_io import Mesh
 from ddf.pictures import picture_strips, shaded
 from ddf_lab.engine import publish
-from ddf_lab.figures import drawing
 
 CATEGORIES, SHAPES, PER_LINE, SIDE = ("chair", "plane", "car"), 12, 3, 128
 CELLS, TITLE = ("image", "reconstruction", "other side", "truth"), 30  # pixels of the line that says so
@@ -38,7 +38,7 @@ def chosen(category: str) -> list[manifest.Row]:
 
 def truth(given: complete.Case) -> np.ndarray:
     """A shape from the side, seen as its reconstruction is."""
-    field = drawing.patches(Mesh(given.shape.vertices, given.shape.triangles))
+    field = patch_fitting.patches(Mesh(given.shape.vertices, given.shape.triangles))
     around = (given.views[0].azimuth_deg + ASIDE, given.views[0].elevation_deg)
     camera = (*around, framed_field.framing_radius(field, *around))
     standing = shaded.stand(field)

@@ -14,9 +14,10 @@ import ddf
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
 from ddf.fields import checked_cloud, framed_field, scene_field, shape_field
+from ddf.fit import patch_fitting
 from ddf.pictures import field_pictures, picture_strips, shaded
 from ddf_lab.engine import publish
-from ddf_lab.figures import distance_figure, drawing, figure_fields, room_figure, slice_figures
+from ddf_lab.figures import distance_figure, figure_fields, room_figure, slice_figures
 
 SIDE, PER_LINE = 280, 5
 CAMERA = (35.0, 22.0)  # azimuth and elevation, degrees
@@ -43,16 +44,16 @@ def reconstructed() -> np.ndarray:
 
 def pictures() -> dict[str, np.ndarray]:
     """By what stands above them."""
-    rabbit, on_ground = shape_field.load(shipped_models.place("rabbit")), slice_figures.standing()
+    rabbit, on_ground = shape_field.load(shipped_models.place("rabbit-network")), slice_figures.standing()
     images = framed_field.render(
         rabbit, (*CAMERA, framed_field.framing_radius(rabbit, *CAMERA)), SIDE, (*OUTPUTS, "visibility")
     )[0]
     nearest = distance_figure.exact("rabbit", showcase.SHAPES["rabbit"]())
     udf, _, ways, _ = distance_figure.slices(0.5, rabbit, nearest, checked_cloud.draw(rabbit), SIDE)
-    parts = (drawing.patches(figure_fields.SHAPES["room"]()), drawing.patches(showcase.SHAPES["rabbit"]()))
+    parts = (patch_fitting.patches(figure_fields.SHAPES["room"]()), patch_fitting.patches(showcase.SHAPES["rabbit"]()))
     look = scene_field.fly(room_figure.FLIGHT, room_figure.FRAMES)[2]
     return {
-        "a field, lit by its rays": lit(drawing.patches(showcase.SHAPES["airliner"]())),
+        "a field, lit by its rays": lit(patch_fitting.patches(showcase.SHAPES["airliner"]())),
         "oriented points (p, v)": slice_figures.points(on_ground, SIDE),
         "d(p, v) for one v": slice_figures.slices(on_ground, rabbit, (0.0, 0.0, -1.0), SIDE),
         **{label: field_pictures.picture(name, images) for name, label in OUTPUTS.items()},

@@ -38,7 +38,7 @@ def main() -> None:
         for name in SHAPES:
             mesh, field, turn = (Path(folder) / each for each in (f"{name}.ply", name, f"{name}.webp"))
             mesh.write_bytes(mesh_io.ply_bytes(showcase.SHAPES[name]()))
-            for words in (["fit", mesh, field], ["render", field, turn, "--turn", FRAMES, "--size", SIZE]):
+            for words in (["fit", mesh, field], ["render", field, turn, "--turn", FRAMES, "--size", SIZE, "--ao", 24]):
                 if cli.main([str(word) for word in words]):
                     raise SystemExit(1)
             columns.append([np.array(frame.convert("RGB")) for frame in ImageSequence.Iterator(Image.open(turn))])

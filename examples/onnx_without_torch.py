@@ -1,20 +1,16 @@
 """Ask a field along rays from its ONNX file alone: torch is not imported.
 
-python examples/onnx_without_torch.py            a field that comes with the package
 python examples/onnx_without_torch.py FIELD.onnx  a file that `ddf export` wrote
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
 import ddf
 
-RABBIT = Path(ddf.__file__).parent / "shipped" / "rabbit" / "field.onnx"
-
 if __name__ == "__main__":
-    field = ddf.load(sys.argv[1] if len(sys.argv) > 1 else RABBIT)
+    field = ddf.load(sys.argv[1])
     lower, upper = field.box
     heights = np.linspace(lower[1], upper[1], 7)  # in the frame of the mesh
     middle = (lower + upper) / 2

@@ -1,19 +1,23 @@
 """Fields from posed depth images, beside what is made of them elsewhere, in no more CPU time: novel views, inner rays.
 
 32 pinhole cameras of 160 x 120 pixels around an object or in a room; ranges clean, or with a deviation of 1 %.
-`patches` is `ddf fit` of the rays, `patches of the mesh` that of the truth. Rivals' meshes are cast by Open3D: its
-scalable TSDF (VoxelBlockGrid: ScalableTSDFVolume of version 0.20 reads depths as millimetres and stays empty) and its
-screened Poisson of the points; of several settings each, of those that take no longer than the patches, the one with
-the fewest wrong inner rays, which a user could not know. Depths are along the rays of 8 novel views; `wrong_inner` are
-percents of rays that begin where some camera saw free space, any way, whose visibility is wrong or whose depth is off
-by more than 0.02; `wrong_seen` of those that `Field.seen` vouches for. Lengths are in halves of the longest side.
+`patches` is `ddf fit` of the rays, `network` that of noisy rays with 1,000 steps; `of the mesh` are those of the truth.
+Rivals' meshes are cast by Open3D: its scalable TSDF (VoxelBlockGrid: ScalableTSDFVolume of version 0.20 reads depths as
+millimetres and stays empty) and its screened Poisson of the points; of several settings each, of those that take no
+longer than the patches, the one with the fewest wrong inner rays, which a user could not know. Depths are along the
+rays of 8 novel views; `wrong_inner` are percents of rays that begin where some camera saw free space, any way, whose
+visibility is wrong or whose depth is off by more than 0.02; `wrong_seen` of those that `Field.seen` vouches for.
+Lengths are in halves of the longest side.
 """
 
+import dataclasses
 import functools
 import itertools
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,14 +26,15 @@ from bench.data import ray_casting
 from bench.fields import fits
 from bench.lib import measuring
 from ddf.data.synthetic import showcase
-from ddf.fields import framed_field
+from ddf.fields import framed_field, shape_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fit_folder, inspection, patch_fitting
+from ddf.fit import fit_folder, fit_settings, fitting, inspection, patch_fitting
 from ddf.geometry import fused_rays, mesh_io, raycast, rays, scans, sensors, unsigned_surface
 
 OBJECTS = ("spot_23k.obj", "chair_kaykit_A.obj", "mug.stl", "teapot.obj", "airplane_airliner.obj")
 HEIGHT, WIDTH, VIEWS, NOVEL, NOISES, INNER, TRIED, OFF = 120, 160, 32, 8, (0.01, 0.0), 20_000, 50_000, 0.02
-LINES = ("patches", "TSDF", "Poisson", "patches of the mesh")  # of the page
+LINES = ("patches", "TSDF", "Poisson", "network", "network of the mesh", "patches of the mesh")  # of the page
+STEPS = 1000  # of the network
 INTRINSICS = sensors.default_intrinsics(HEIGHT, WIDTH)
 VOXELS, TRUNCATIONS, DEPTHS = (0.015, 0.02, 0.03), (3.0, 5.0), (6, 7)
 _FAR = 50.0  # depth of what is not there, for rivals that know no infinity
@@ -128,7 +133,7 @@ def of_mesh(mesh: mesh_io.Mesh) -> Ask:
     return lambda starts, ways: scene.first_hits(starts, ways)[0]
 
 
-def of_field(field: patch_field.PatchField) -> Ask:
+def of_field(field: framed_field.FramedField) -> Ask:
     """What a field says."""
     return lambda starts, ways: framed_field.query(field, rays.OrientedPoints(starts, ways), ("depth",))[0]["depth"]
 
@@ -136,6 +141,15 @@ def of_field(field: patch_field.PatchField) -> Ask:
 def patches(scan: scans.Scan) -> patch_field.PatchField:
     """As `ddf fit` makes them of rays."""
     return patch_field.of(*patch_fitting.of_fused(fused_rays.fuse(scan)))
+
+
+def network(given: scans.Scan | mesh_io.Mesh) -> shape_field.ShapeField:
+    """As `ddf fit --steps` makes it, on one thread."""
+    config = fit_settings.FitConfig()
+    config = dataclasses.replace(config, steps=STEPS, minutes=None, loop=dataclasses.replace(config.loop, threads=1))
+    with tempfile.TemporaryDirectory() as folder:
+        fitting.fit(given, config, Path(folder))
+        return shape_field.load(Path(folder))
 
 
 def rivals(case: Case) -> Iterator[tuple[str, dict[str, Any], Callable[[], mesh_io.Mesh]]]:
@@ -215,6 +229,10 @@ def of_case(name: str, noise: float, case: Case) -> measuring.Rows:
         if way not in best or row["error"]["wrong_inner"] < best[way]["error"]["wrong_inner"]:
             best[way] = row
     yield from best.values()
+    for way, given in {"network": case.scan, "network of the mesh": case.scene.mesh}.items() if noise else ():
+        fitted, seconds = _timed(functools.partial(network, given))
+        row = measuring.row(way, size, [seconds], errors(of_field(fitted), case))
+        yield {**row, "bytes": 4 * fitted.parameters}
     if noise == 0:
         of_truth, seconds = _timed(lambda: patch_fitting.patches(case.scene.mesh, octree.PatchConfig()))
         bytes_ = sum(values.nbytes for values in of_truth.arrays.values())

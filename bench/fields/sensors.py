@@ -47,7 +47,7 @@ def main() -> measuring.Rows:
     for name in SHAPES:
         mesh = showcase.SHAPES[name]()
         scene, patches = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)[1]
-        scenes = {"ddf mesh": mesh, "patches": Field(patches, lambda own=patches: own), "network": ddf.load(name)}
+        scenes = {"ddf mesh": mesh, "patches": Field(patches), "network": ddf.load(f"{name}-network")}
         for (sensor, look), count in itertools.product(SENSORS.items(), POSES):
             poses = around(mesh, AXES[sensor], count)
             truth = look(mesh, poses)

@@ -16,7 +16,7 @@ from bench.lib import measuring
 from bench.reconstruction import complete
 from ddf.geometry import transforms
 
-FIELDS, ANGLES = ("rabbit", "armchair"), (15.0, 30.0, 60.0, 90.0)
+FIELDS, ANGLES = ("rabbit-network", "armchair-network"), (15.0, 30.0, 60.0, 90.0)
 SOLVED_DEG, SOLVED_PERCENT = 2.0, 2.0
 
 

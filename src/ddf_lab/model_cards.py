@@ -1,4 +1,4 @@
-"""The models that come with the package: matrices in float16, an ONNX file of fields, a card each.
+"""The models that come with the package: patches and networks of a few shapes, reconstruction models, a card each.
 
 A card says what a model is of, how it was trained and what it reaches.
 """
@@ -17,15 +17,24 @@ from ddf.data import shapenet, splits
 from ddf.data.public import manifest
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fields import model_files, shape_field
-from ddf.fit import fit_folder, fit_settings, fitting, latent_prior, shape_samples
-from ddf.io import onnx_file
+from ddf.fields import framed_field, model_files, shape_field
+from ddf.fit import (
+    fit_folder,
+    fit_settings,
+    fitting,
+    held_out,
+    inspection,
+    latent_prior,
+    patch_fitting,
+    shape_samples,
+)
+from ddf.geometry import mesh_io
 from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf.training import line_steps
 from ddf_lab.evaluation import card_scores, groups
 from ddf_lab.run import Run, class_of
 
-ONNX, CARD, INDEX, SOURCES = "field.onnx", "card.md", "index.json", "sources.csv"
+CARD, INDEX, SOURCES = "card.md", "index.json", "sources.csv"
 FIT = fit_settings.FitConfig()
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
 LABEL = line_field.KIND  # of the scores
@@ -52,7 +61,7 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
     """
     dataset, synthetic = shapenet.Dataset.open(run.index), storage.read_json(run.index)["source"] == "synthetic"
     fields = FIELDS.items() if synthetic else ()
-    made = [write_field(name, summary, fitted / name, out / name) for name, summary in fields]
+    made = [each for name, summary in fields for each in write_fields(name, summary, fitted / name, out)]
     free = [n for n in dataset.categories if all(row.free for row in _seen(run, dataset, n))]
     made += [write_reconstruction(run, dataset, name, out / name) for name in free]
     every = {entry["name"]: entry for entry in ([] if synthetic else read_index(out)) + made}
@@ -65,37 +74,58 @@ def _seen(run: Run, dataset: shapenet.Dataset, category: str) -> list[manifest.R
     return [rows[name] for shape, _ in dataset.views(category, "train") if (name := shape.partition("--")[0]) in rows]
 
 
-def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, Any]:
-    """Fit one of `showcase.SHAPES` by the recipe of `ddf fit`, write weights, ONNX file and card; its entry."""
+def write_fields(name: str, summary: str, fitted: Path, out: Path) -> list[dict[str, Any]]:
+    """One of `showcase.SHAPES` as patches and as a network, by the recipes of `ddf fit`; their entries.
+
+    Args:
+      fitted: folder of the network's fit. out: folder of all models.
+    """
     mesh, loop = showcase.SHAPES[name](), dataclasses.replace(FIT.loop, threads=1)
     settings = dataclasses.replace(FIT, steps=STEPS, minutes=None, loop=loop)
     result = fitting.fit(mesh, settings, fitted, force=True)
-    write_weights(fitted, out)
-    graphs, source = onnx_file.load_graphs(out, onnx_file.ExportConfig().outputs)
-    compared = onnx_file.export(graphs["field"], "field", out / ONNX, source, onnx_file.ExportConfig())
-    apart = max(row.max_abs for row in compared if row.output == "depth")
-    inside, drawn = fit_folder.in_cube(mesh)[0], sample_types.each(settings.held_out)
-    samples = shape_samples.draw_samples(inside, settings.drawing, drawn, "held_out")
-    errors = fitting.held_out_errors(shape_field.load(out).field, samples)  # of the rounded weights
+    patches, own = patch_fitting.patches(mesh), f"{name}-network"
+    patches.save(out / name)
+    write_weights(fitted, out / own)
+    network = shape_field.load(out / own)  # with the rounded weights
+    inside, counts = fit_folder.in_cube(mesh)[0], sample_types.each(settings.held_out)
+    samples = shape_samples.draw_samples(inside, settings.drawing, counts, "held_out")
+    told = [
+        f"{result['steps']:,} steps, seed {loop.seed}, {result['parameters']:,} parameters, on a CPU.",
+        f"{sum(settings.samples.values()):,} oriented points of the six types.",
+        "Matrices are stored in float16.",
+    ]
+    blurred = "Depths are blurred at occlusion edges; curvature is rough near sharp edges."
+    kept = f"{len(patches.tree.codes):,} patches within {patches.tolerance:g} of half the longest side of the mesh."
+    errors = fitting.held_out_errors(network.field, samples), held_out.errors(held_out.of_framed(patches), samples)
+    return [
+        _field_card(out / name, summary, mesh, [kept], errors[1], patches, "Nothing is learned; curvature jumps between patches."),
+        _field_card(out / own, f"{summary} The paper's network.", mesh, told, errors[0], network, blurred),
+    ]
+
+
+def _field_card(
+    out: Path,
+    summary: str,
+    mesh: mesh_io.Mesh,
+    made: Sequence[str],
+    errors: Mapping[str, Any],
+    field: framed_field.FramedField,
+    limit: str,
+) -> dict[str, Any]:
+    inner = inspection.wrong_inside(field, inspection.beside(field, mesh))
     sections = {
-        "Data": [
-            f"`ddf.data.synthetic.showcase.{name}`: {len(mesh.faces):,} triangles, made by this repository.",
-            f"{sum(settings.samples.values()):,} oriented points of the six types.",
-        ],
-        "Training": [
-            f"{result['steps']:,} steps, seed {loop.seed}, {result['parameters']:,} parameters, on a CPU.",
-            "Matrices are stored in float16; the ONNX file holds the same values.",
-        ],
+        "Data": [f"`ddf.data.synthetic.showcase`: {len(mesh.faces):,} triangles, made by this repository."],
+        "Fit": made,
         "Scores": [
-            "Held-out errors of these weights, 10,000 samples a type; the longest side of the shape is 2.",
+            "Held-out errors, 10,000 samples a type; the longest side of the shape is 2.",
             f"Mean depth error: {', '.join(f'{kind} {value:.4f}' for kind, value in errors['depth_l1'].items())}.",
             f"Median angle of normals: {errors['normal_angle_deg_median']:.1f} degrees.",
-            f"ONNX against torch: depth differs by {apart:.1e} at most.",
+            f"Interior error: {inner:.1f} % of rays from within the box.",
         ],
-        "Limits": ["One shape alone. Depths are blurred at occlusion edges; curvature is rough near sharp edges."],
+        "Limits": [f"One shape alone. {limit}"],
         "Licence": [LICENCE],
     }
-    return write_card(out, name, "field", summary, sections)
+    return write_card(out, out.name, "field", summary, sections)
 
 
 def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import ddf
 from ddf.fit import completion
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -100,7 +101,7 @@ def test_reconstruct_an_image(tmp_path):
 
 
 def test_onnx_without_torch(tmp_path):
-    said = _run(tmp_path, "onnx_without_torch.py")
+    said = _run(tmp_path, "onnx_without_torch.py", str(ddf.load("rabbit-network").export(tmp_path / "rabbit.onnx")))
     depths = [float(depth) for depth in re.findall(r"depth +([\w.]+)", said)]
     assert len(depths) == 7 and 3 <= np.isfinite(depths).sum()
     assert min(depths) >= 0.99  # the rays start one unit before the box
@@ -118,7 +119,7 @@ def test_rays_in_cpp(tmp_path):
     options = ["-std=c++17", "-Wall", "-Werror", "-o", "rays", f"-L{tmp_path}", f"-Wl,-rpath,{tmp_path}"]
     made = [compiler, str(FOLDER / "rays_in_cpp.cpp"), *options, "-l:libonnxruntime.so.1"]
     subprocess.run(made, cwd=tmp_path, check=True)
-    rabbit = ROOT / "src" / "ddf" / "shipped" / "rabbit" / "field.onnx"
+    rabbit = ddf.load("rabbit-network").export(tmp_path / "rabbit.onnx")
     rays = np.array([[0, 0, 0.8, 0, 0, -1], [0.1, 0.5, 0.8, 0, 0, -1], [-0.5, -0.9, 0.8, 0, 0.6, -0.8]], np.float32)
     command = [tmp_path / "rays", rabbit, *map(str, rays.ravel())]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout

@@ -134,7 +134,7 @@ def complete(
     cloud = completed_surface.cloud(decoder.field, found, given, n, seed)
     shape = completed_surface.field(decoder.field, found)
     return Completion(
-        Field(shape, lambda: shape),
+        Field(shape),
         cloud.points,
         cloud.seen,
         cloud.spread,

@@ -3,11 +3,10 @@
 import contextlib
 import dataclasses
 import importlib
+import importlib.util
 import tempfile
-from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, cast, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -25,29 +24,20 @@ if TYPE_CHECKING:
 
     Weights = shape_field.ShapeField | patch_field.PatchField
 
-ONNX, WEIGHTS = "field.onnx", "model.safetensors"  # of a folder of a field
-
 
 class Field(queries.Queried):
     """A trained field of one shape. Everything is in the frame and the unit of the mesh that it was fitted to."""
 
-    def __init__(
-        self,
-        framed: framed_field.FramedField,
-        weights: "Callable[[], Weights] | None" = None,
-        path: Path | None = None,
-    ) -> None:
+    def __init__(self, framed: framed_field.FramedField, path: Path | None = None) -> None:
         super().__init__(framed)
-        self._load_weights = weights
         self.path = path  # its file or folder; None where there is none
 
-    @cached_property
+    @property
     def weights(self) -> "Weights":
-        """The field by its own file, which `points` needs."""
-        if self._load_weights is None:
+        """The patches or the network, which `points` needs."""
+        if not hasattr(self.framed, "points"):
             raise checks.InputError("this needs the weights of the field; an ONNX file alone does not give them")
-        with extras.named():
-            return self._load_weights()
+        return cast("Weights", self.framed)
 
     def __repr__(self) -> str:
         box = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in zip(*self.box, strict=True))
@@ -179,11 +169,9 @@ class Field(queries.Queried):
 def load(path_or_name: str | Path) -> Field:
     """A trained field.
 
-    A folder or a name is loaded by its ONNX file where it has one, so that torch is not needed.
-
     Args:
-      path_or_name: the folder that `ddf fit` wrote, its model.safetensors (of a network these need torch), an ONNX file
-        that `ddf export` wrote, or the name of a field that `ddf models` lists.
+      path_or_name: the folder that `ddf fit` wrote, or its model.safetensors (a network needs torch); an ONNX file that
+        `ddf export` wrote, which needs onnxruntime; or the name of a field that `ddf models` lists.
     Returns:
       The field; it answers in the frame of the mesh that it was fitted to.
     Raises:
@@ -198,17 +186,14 @@ def load(path_or_name: str | Path) -> Field:
     from ddf.fields import stored_fields
 
     path = shipped_models.require(path_or_name, "field")
-    folder = path if path.is_dir() else path.parent
-    onnx = path / ONNX if path.is_dir() else path
-    if onnx.suffix == ".onnx" and onnx.is_file():
+    if path.suffix == ".onnx" and path.is_file():
+        if importlib.util.find_spec("onnxruntime") is None:
+            raise checks.InputError(f"{path}: an ONNX file needs onnxruntime: {extras.command('onnx')}")
         from ddf.io import onnx_field
 
-        weights = folder / WEIGHTS
-        beside = weights if onnx.name == ONNX and weights.is_file() else None
-        return Field(onnx_field.load(onnx), None if beside is None else lambda: stored_fields.load(beside), path)
+        return Field(onnx_field.load(path), path)
     with extras.named():
-        shape = stored_fields.load(path)
-    return Field(shape, lambda: shape, path)
+        return Field(stored_fields.load(path), path)
 
 
 def fit(
@@ -283,7 +268,7 @@ def fit(
             patches = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
             patch_fitting.fit(meshes.as_mesh(mesh), patches, Path(folder))
         shape = stored_fields.load(Path(folder))
-    return Field(shape, lambda: shape, None if out is None else Path(out))
+    return Field(shape, None if out is None else Path(out))
 
 
 def network_settings(

@@ -63,7 +63,7 @@ class Reconstruction:
         plain = self._solid
         with one_image.timed(self.seconds, "field"):
             shape = patch_fitting.patches(plain, octree.PatchConfig(_TOLERANCE))
-        return Field(shape, lambda: shape)
+        return Field(shape)
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -224,5 +224,4 @@ def generate(model: str | Path, n: int = 8, seed: int = 0) -> list[Field]:
     path = shipped_models.require(model, "reconstruction")
     found = sampler.load(path.parent if path.is_file() else path)
     latents = generated_images.latents(n, found.features, seed, "samples")
-    shapes = [found.decode(latent) for latent in latents]
-    return [Field(shape, lambda shape=shape: shape) for shape in shapes]
+    return [Field(found.decode(latent)) for latent in latents]

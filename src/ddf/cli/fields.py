@@ -14,10 +14,7 @@ from ddf.core import errors
 from ddf.fields import field_outputs
 
 if TYPE_CHECKING:
-    from ddf.fields import framed_field
     from ddf.geometry import mesh_io, posed_depth
-
-ONNX = "field.onnx"  # of a folder, beside its weights
 
 
 @command("field", api="field:fit")
@@ -89,13 +86,19 @@ def fit(
     if of_rays:
         found, sources = _sensed(mesh, network=True)
         result = fitting.fit(found.scan, settings, out, sources, threads=used, force=force)
-        return _of_rays(found, out, result, f"{result['steps']:,} steps")
+        return _of_rays(found, out, result, f"{result['steps']:,} steps{_few(result['steps'])}")
     loaded = mesh_io.load_surface(mesh)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
-    few = f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes"
-    few = few if result["steps"] < fitting.FEW_STEPS else ""
-    return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", f"{spent}{few}")
+    after = f"{spent}{_few(result['steps'])}"
+    return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", after)
+
+
+def _few(steps: int) -> str:
+    """What is said of a network that had too few steps."""
+    from ddf.fit import fitting
+
+    return f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes" * (steps < fitting.FEW_STEPS)
 
 
 def _sensed(source: Path, network: bool = False) -> tuple["posed_depth.Sensed", dict[str, str]]:
@@ -162,20 +165,6 @@ def threads_of(configured: int, timed: bool) -> int:
     return threads
 
 
-def load(path: Path, outputs: "set[str] | tuple[str, ...]") -> "framed_field.FramedField":
-    """The field of a file or a folder: by its ONNX file, which starts faster, where that gives all asked for."""
-    file = path / ONNX if path.is_dir() else path
-    if file.suffix == ".onnx" and file.is_file():
-        from ddf.io import onnx_field
-
-        found = onnx_field.load(file)
-        if file == path or {"visibility", *outputs} <= set(found.outputs):
-            return found
-    from ddf.fields import stored_fields
-
-    return stored_fields.load(path)
-
-
 @command("field", api="queries:query")
 def query(
     field: FieldPath,
@@ -193,14 +182,15 @@ def query(
 
     Examples:
       ddf query rabbit --rays rays.npz --out answers.npz
-      ddf query rabbit --rays rays.npz --out answers.npz --outputs depth,mean_curvature
+      ddf query rabbit-network --rays rays.npz --out answers.npz --outputs depth,mean_curvature
     """
+    from ddf.api import field as fields
     from ddf.core import storage
     from ddf.fields import framed_field
     from ddf.geometry import rays as ray_files
 
     points = ray_files.read_npz(rays)
-    found, evaluated = framed_field.query(load(field, outputs), points, outputs)
+    found, evaluated = framed_field.query(fields.load(field).framed, points, outputs)
     storage.write_bytes(out, results.npz(found))
     total = len(points.positions)
     return {
@@ -228,15 +218,13 @@ def points(
     Examples:
       ddf points rabbit cloud.ply -n 2000
     """
+    from ddf.api import field as fields
     from ddf.core import storage
-    from ddf.fields import stored_fields
-    from ddf.fit import surfaces
     from ddf.geometry import mesh_io
 
-    shape = stored_fields.load(field)
+    shape = fields.load(field)
     started = time.monotonic()
-    found = shape.points(points, seed)
-    normals = surfaces.normals_at(shape, found)
+    found, normals = shape.points(points, seed, normals=True)
     seconds = time.monotonic() - started
     storage.write_bytes(out, mesh_io.points_ply(found, normals))
     unknown = int((normals == 0).all(axis=1).sum())

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 from ddf.cli import arguments, results
 from ddf.cli.arguments import CameraOption, FieldPath, ImageOutputs, PictureOutputs
 from ddf.cli.declare import Arg, command
-from ddf.cli.fields import load
 from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
@@ -41,6 +40,7 @@ def render(
     outputs: PictureOutputs = None,
     turn: Annotated[int | None, Arg("N", parse=arguments.whole_number(2, 360))] = None,
     bits: Literal[8, 16] = 8,
+    ao: Annotated[int | None, Arg("N", parse=arguments.whole_number(1, 1024))] = None,
     up: arguments.Up = "y",
 ) -> dict[str, Any]:
     """A picture, or the arrays, of what a camera sees of a field.
@@ -59,10 +59,12 @@ def render(
       out: .png, .webp, .npz, .exr: a picture of one output, or the numbers of several (npz, exr).
       turn: a shaded picture that moves: N around the field.
       bits: 16: a PNG of depth holds the numbers, depth = value x step, 0 where nothing is seen (default 8: colours).
+      ao: of a shaded picture: ambient occlusion by so many rays, 32 say.
 
     Examples:
       ddf render rabbit rabbit.png
       ddf render rabbit turn.webp --turn 36
+      ddf render armchair armchair.png --ao 32
       ddf render rabbit normals.webp --output normals --camera -30,20 --size 512
       ddf render rabbit seen.npz --output visibility,depth,normals
       ddf render rabbit depth16.png --bits 16
@@ -71,12 +73,13 @@ def render(
     if outputs is None:
         numbers = suffix not in results.PICTURES or bits == 16
         outputs = ("depth",) if numbers else (arguments.SHADED,)
-    _require_holds(out, suffix, outputs, turn, bits)
+    _require_holds(out, suffix, outputs, {"turn": turn, "ao": ao}, bits)
     if outputs == (arguments.SHADED,):
-        return _shaded(field, out, camera, size, turn, up)
+        return _shaded(field, out, camera, size, turn, ao or 0, up)
+    from ddf.api import field as fields
     from ddf.fields import framed_field
 
-    shape = load(field, outputs)
+    shape = fields.load(field).framed
     azimuth, elevation, radius = camera
     if radius is None:
         radius = framed_field.framing_radius(shape, azimuth, elevation, up)
@@ -112,14 +115,15 @@ def _told(
     }
 
 
-def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int | None, bits: int) -> None:
+def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], of_shaded: Mapping[str, Any], bits: int) -> None:
     pictures, shaded = results.PICTURES, outputs == (arguments.SHADED,)
     if suffix not in (*pictures, *results.ARRAYS):
         raise errors.InputError(f"{out}: must end in one of {', '.join((*pictures, *results.ARRAYS))}")
     if shaded and suffix not in pictures:
         raise errors.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
-    if turn is not None and not shaded:
-        raise errors.InputError(f"--turn goes with --output {arguments.SHADED}; got {','.join(outputs)}")
+    wrong = [name for name, value in of_shaded.items() if value is not None and not shaded]
+    if wrong:
+        raise errors.InputError(f"--{wrong[0]} goes with --output {arguments.SHADED}; got {','.join(outputs)}")
     if suffix in pictures and len(outputs) > 1:
         raise errors.InputError(f"{out}: a picture shows one output, .npz and .exr hold {len(outputs)}")
     if bits == 16 and (suffix != ".png" or outputs != ("depth",)):
@@ -127,15 +131,16 @@ def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int |
 
 
 def _shaded(
-    field: Path, out: Path, camera: arguments.Camera, size: int, turn: int | None, up: arguments.Up
+    field: Path, out: Path, camera: arguments.Camera, size: int, turn: int | None, ao: int, up: arguments.Up
 ) -> dict[str, Any]:
     import numpy as np
 
+    from ddf.api import field as fields
     from ddf.core import storage
     from ddf.fields import framed_field, scene_field
     from ddf.pictures import shaded
 
-    shape = scene_field.Counted(load(field, ("depth", "normals")))
+    shape = scene_field.Counted(fields.load(field).framed)
     azimuth, elevation, radius = camera
     turned = [azimuth + 360.0 * i / (turn or 1) for i in range(turn or 1)]
     framed = radius is None
@@ -143,14 +148,14 @@ def _shaded(
     started = time.monotonic()
     seen_by, standing = [(each, elevation, far) for each in turned], shaded.stand(shape, up)
     shown = shaded.window(standing, seen_by) if framed else shaded.WHOLE
-    frames = [shaded.render(standing, each, size, shown) for each in seen_by]
+    frames = [shaded.render(standing, each, size, shown, sky=ao) for each in seen_by]
     seconds = time.monotonic() - started
     pictures = [frame.picture for frame in frames]
     storage.write_bytes(out, results.encode(pictures, out.suffix.lower(), _FRAME_MS))
     pixels, seen = len(frames) * size**2, float(np.mean([frame.seen for frame in frames]))
     told = f"{len(frames)} x {size} x {size}" if turn else f"{size} x {size}"
     found = _told(out, told, (azimuth, elevation, far), pixels, seen, shape.queries, seconds)
-    saved = shaded.MOST_RAYS * pixels - shape.queries
+    saved = (2 + ao) * shaded.MOST_SAMPLES * pixels - shape.queries
     return {"output": arguments.SHADED, "frames": len(frames), "saved": saved, **found}
 
 
@@ -238,6 +243,7 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
     """The page of a field, of a scene file, or of what a model makes of a picture; of several side by side. InputError
     where what must stand alone does not.
     """
+    from ddf.api import field as fields
     from ddf.api import scene as scenes
     from ddf.fields import field_file
     from ddf.io import viewer_page
@@ -256,7 +262,7 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
         return viewer_page.side_by_side(title, [(name, shape) for name, shape, _ in shown], up)
     ((name, shape, about),) = shown
     page = viewer_page.field_page(shape, name, up, about)
-    framed = load(shape.file.parent, ("depth", "normals")) if isinstance(shape, field_file.FieldFile) else shape
+    framed = fields.load(shape.file).framed if isinstance(shape, field_file.FieldFile) else shape
     return dataclasses.replace(page, first=viewer_page.first(framed, page.azimuth, up))
 
 

@@ -23,9 +23,9 @@ OFF, SIGMAS = 0.01, 3.0  # of the longest side, and deviations of the noise: fro
 _Made = tuple[tuple[dict[str, np.ndarray], dict[str, Any]], Callable[[patch_field.PatchField], dict[str, Any]]]
 
 
-def patches(raw: mesh_io.Mesh, config: octree.PatchConfig) -> patch_field.PatchField:
+def patches(raw: mesh_io.Mesh, config: octree.PatchConfig | None = None) -> patch_field.PatchField:
     """The field of a mesh, in its frame; it has no errors and no file. InputError where no triangle has an area."""
-    return patch_field.of(*patch_field.fitted(*fit_folder.in_cube(raw), config))
+    return patch_field.of(*patch_field.fitted(*fit_folder.in_cube(raw), config or octree.PatchConfig()))
 
 
 def fit(
@@ -175,7 +175,7 @@ def _written(
             "bytes": sum(values.nbytes for values in arrays.values()),
             "box": description["box"],
         }
-        for stale in ("field.onnx", "log.csv", "fit.png"):
+        for stale in ("log.csv", "fit.png"):
             (out_dir / stale).unlink(missing_ok=True)
         storage.write_json(out_dir / fit_folder.PLAN, dict(plan))
         storage.save_tensors(out_dir / field_file.MODEL, arrays, record)

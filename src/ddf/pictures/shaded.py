@@ -2,6 +2,7 @@
 
 The lamp stands above the camera's left shoulder and turns with it. A pixel is one ray, and one more from a part of the
 lamp where it faces it; only where neighbours differ (outlines, creases, edges of shadows) it is the mean of nine.
+Ambient occlusion, where it is asked for, darkens what is near to other parts, by rays to the sky.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ Window = tuple[float, float, float]  # left, top and side of what is shown, of a
 
 WHOLE: Window = (0.0, 0.0, 1.0)
 _SIDE = 3  # rays a side of a pixel whose neighbours differ
-MOST_RAYS = 2 * _SIDE**2  # a pixel
+MOST_SAMPLES = _SIDE**2  # a pixel: of two rays, and those to the sky
 _LAMP = np.array([-0.55, 0.75, 0.6])  # camera's axes: right, up, backwards
 _RADIUS = 0.07  # of the lamp, seen from the object, in radians
 _CLAY = np.array([0.80, 0.77, 0.72])
@@ -29,6 +30,7 @@ _SKY, _GROUND, _KEY = np.array([0.34, 0.37, 0.42]), np.array([0.17, 0.15, 0.14])
 _GLOSS, _SHARPNESS = 0.08, 24.0
 _DARKEST = 0.42  # of the ground's shadow
 _CLEAR = 0.03  # of the box's diagonal: what is this near to a point does not shade it
+_LIFT, _NEAR = 2e-3, 0.15  # of it: where rays to the sky begin, and how far they look
 _BENT = 0.9  # cosine between normals of neighbours, from which on they differ
 _FLOOR_RAYS, _WINDOW_RAYS, _MARGIN = 48, 64, 0.05  # a side; of the window around what is seen
 _GAMMA = 2.2
@@ -91,12 +93,12 @@ def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
 
 
 def render(
-    standing: Standing, camera: Camera, size: int, shown: Window = WHOLE, colours: Colours | None = None
+    standing: Standing, camera: Camera, size: int, shown: Window = WHOLE, colours: Colours | None = None, sky: int = 0
 ) -> Shaded:
-    """What one camera sees, of a surface in these colours, clay without."""
+    """What one camera sees, of a surface in these colours, clay without; sky: rays of ambient occlusion."""
     framed_field.require_camera(camera, size, standing.up)
     row, column = (each.ravel() for each in np.indices((size, size)))
-    first = _Light(standing, camera, shown, size, colours)
+    first = _Light(standing, camera, shown, size, colours, sky)
     linear, seen, normals, lit = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
     differ = _differ(*(each.reshape(size, size, -1) for each in (normals, lit, seen)))
     part = (np.arange(_SIDE) + 0.5) / _SIDE
@@ -147,6 +149,7 @@ class _Light:
     shown: Window
     size: int
     colours: Colours | None
+    sky: int
 
     def at(
         self, column: np.ndarray, row: np.ndarray, part: np.ndarray
@@ -172,7 +175,8 @@ class _Light:
         colours[ground] -= _DARKEST * ~lit[ground, None]
         surface = rays.surface_points(starts[seen], directions[seen], distance[seen])
         paint = _CLAY if self.colours is None else (self.colours(surface) / 255.0) ** _GAMMA
-        colours[seen] = _reflected(paint, normals[seen], middle, -directions[seen], turn[:, 1], lit[seen])
+        free = self.open(surface, normals[seen])
+        colours[seen] = _reflected(paint, normals[seen], middle, -directions[seen], turn[:, 1], lit[seen], free)
         return colours, seen, normals, lit
 
     def lamp(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "9 3"]]:
@@ -186,6 +190,20 @@ class _Light:
         parts = middle + _RADIUS * reach[:, None] * aside
         axes = _camera_axes(self.standing, self.camera)
         return axes @ middle, parts / np.linalg.norm(parts, axis=-1, keepdims=True) @ axes.T
+
+    def open(self, points: np.ndarray, normals: np.ndarray) -> Float[np.ndarray, "n"]:
+        """Share of rays to the sky, by the cosine to the normal, that meet nothing near; 1 where none are asked for.
+
+        A normal and an even point of the unit sphere add up to such a ray.
+        """
+        field, found = self.standing.field, np.ones(len(points))
+        diagonal = float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
+        for spread in rays.evenly_spread(self.sky):
+            ways = normals + 0.999 * spread  # never 0
+            ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+            asked = rays.OrientedPoints(points + _LIFT * diagonal * normals, ways)
+            found -= (framed_field.query(field, asked, ("depth",))[0]["depth"] < _NEAR * diagonal) / self.sky
+        return found
 
     def lit(self, points: np.ndarray, lamp: np.ndarray, facing: np.ndarray) -> Bool[np.ndarray, "n"]:
         """False where a ray from the lamp ends before the point; only points that face it are asked for.
@@ -207,13 +225,14 @@ def _reflected(
     towards_eye: Float[np.ndarray, "n 3"],
     up: Float[np.ndarray, "3"],
     lit: Bool[np.ndarray, "n"],
+    free: Float[np.ndarray, "n"],
 ) -> Float[np.ndarray, "n 3"]:
     """Linear colours: Lambert's law, light from the sky, and a little gloss about the half vector [Blinn 1977]."""
     above = 0.5 + 0.5 * (normals @ up)[:, None]
     halfway = lamp + towards_eye
     halfway /= np.linalg.norm(halfway, axis=-1, keepdims=True)
     facing, gloss = (lit * np.clip((normals * each).sum(-1), 0, 1) for each in (lamp, halfway))
-    light = _SKY * above + _GROUND * (1 - above) + _KEY * facing[:, None]
+    light = (_SKY * above + _GROUND * (1 - above)) * free[:, None] + _KEY * facing[:, None]
     return paint * light + _GLOSS * gloss[:, None] ** _SHARPNESS
 
 

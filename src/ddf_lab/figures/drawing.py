@@ -7,9 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from PIL import Image, ImageDraw
 
-from ddf.fields.grid import octree, patch_field
-from ddf.fit import fit_folder
-from ddf.geometry import mesh_io, rays
+from ddf.geometry import rays
 from ddf.pictures import field_pictures, picture_strips, shaded
 
 Points = Float[np.ndarray, "n 3"]
@@ -18,11 +16,6 @@ SIGHT, MISSED = (90, 180, 190), (205, 60, 50)  # the way to what is seen; looks 
 _HIT, _MISS, _LOOK = (31, 95, 168), (30, 30, 30), (60, 150, 80)  # points that see something, and nothing; looks
 NOTHING = np.array([0.80, 0.82, 0.85])  # of a plane, where v meets nothing
 _OVERSAMPLING, _MARGIN, _FADED, _CLEAR = 2, 1.06, 0.55, 0.35
-
-
-def patches(mesh: mesh_io.Mesh) -> patch_field.PatchField:
-    """As `ddf fit` makes them."""
-    return patch_field.of(*patch_field.fitted(*fit_folder.in_cube(mesh), octree.PatchConfig()))
 
 
 @dataclass

@@ -30,9 +30,9 @@ class FiguresConfig(schema.Checked):
 
 
 def fitted(name: str, config: FiguresConfig, folder: Path) -> ShapeField:
-    """The field of one of `SHAPES`, fitted in `folder`/name on one thread, or of a name of `ddf models`."""
+    """The network of one of `SHAPES`, fitted in `folder`/name on one thread, or that which comes with the package."""
     if name not in SHAPES:
-        return shape_field.load(shipped_models.place(name))
+        return shape_field.load(shipped_models.place(f"{name}-network"))
     base = fit_settings.FitConfig()
     loop = dataclasses.replace(base.loop, threads=1)
     recipe = dataclasses.replace(base, steps=config.steps, minutes=None, loop=loop)

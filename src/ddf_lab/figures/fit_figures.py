@@ -12,10 +12,10 @@ import numpy as np
 import torch
 
 from ddf.data.synthetic import showcase
-from ddf.fit import inspection
+from ddf.fit import inspection, patch_fitting
 from ddf.geometry import primitives, raycast, rays
 from ddf.pictures import picture_strips
-from ddf_lab.figures import drawing, figure_fields
+from ddf_lab.figures import figure_fields
 from ddf_lab.report import beside, pages, shape_views
 
 NAMES = ("rabbit", "armchair", "airliner", "nested")
@@ -31,7 +31,7 @@ def shapes_section(config: figure_fields.FiguresConfig, folder: Path) -> pages.S
     for name in NAMES:
         network, mesh = figure_fields.fitted(name, config, folder), showcase.SHAPES[name]()
         truth = partial(raycast.cast, raycast.Scene(mesh))
-        for what, field in ((name, network), (f"{name}, patches", drawing.patches(mesh))):
+        for what, field in ((name, network), (f"{name}, patches", patch_fitting.patches(mesh))):
             views = [beside.ask(field, truth, beside.camera(field, each, size), _OF_SHAPES) for each in SHAPES_FROM]
             if field is network:  # pictures of the paper's kind
                 for camera, (found, _) in zip(SHAPES_FROM, views, strict=True):

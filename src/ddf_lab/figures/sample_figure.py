@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fit import fit_folder, shape_samples
+from ddf.fit import fit_folder, patch_fitting, shape_samples
 from ddf.geometry import mesh_io, rays
 from ddf.pictures import picture_strips, shaded
 from ddf_lab.figures import drawing, figure_fields
@@ -53,7 +53,7 @@ def _pictures(
     mesh: mesh_io.Mesh, samples: Mapping[str, Mapping[str, Float[np.ndarray, "n ..."]]], size: int
 ) -> list[picture_strips.Picture]:
     """The shape, then its samples of each type, and the legend."""
-    on_ground = shaded.stand(drawing.patches(mesh))
+    on_ground = shaded.stand(patch_fitting.patches(mesh))
     around = np.concatenate([part["positions"][:SHOWN] for part in samples.values()])
     plain = drawing.Drawing.around(on_ground, _CAMERA, around, size)
     cells = [plain.picture()]

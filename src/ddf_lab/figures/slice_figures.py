@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
-from ddf.fit import fit_folder
+from ddf.fit import fit_folder, patch_fitting
 from ddf.geometry import raycast, rays
 from ddf.pictures import field_pictures, picture_strips, shaded
 from ddf_lab.figures import drawing, figure_fields
@@ -45,7 +45,7 @@ def teaser_section(config: figure_fields.FiguresConfig, folder: Path) -> pages.S
 
 def standing() -> shaded.Standing:
     """The patches of the shape in [-1, 1]³."""
-    return shaded.stand(drawing.patches(fit_folder.in_cube(showcase.SHAPES[SHAPE]())[0]))
+    return shaded.stand(patch_fitting.patches(fit_folder.in_cube(showcase.SHAPES[SHAPE]())[0]))
 
 
 def points(on_ground: shaded.Standing, size: int) -> picture_strips.Picture:

@@ -31,14 +31,16 @@ assert fitted.points(50).shape == (50, 3) and len(fitted.surface(resolution=16).
 assert fitted.query([[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]])["depth"].round(3) == [1.0]
 assert ddf.cast(mesh, [[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]).depth == [1.0]
 assert ddf.load(file.parent / "field").export(file.parent / "field.html").is_file()
+(onnx := file.parent / "alone.onnx").write_bytes(b"")
 told = {}
 for name, function in {
-    "points": lambda: rabbit.points(10),
+    "network": lambda: ddf.load("rabbit-network"),
     "poisson": lambda: rabbit.surface(10, "poisson"),
     "export": lambda: fitted.export(file.parent / "field.onnx"),
     "fit": lambda: ddf.fit(mesh, steps=1),
     "reconstruct": lambda: ddf.reconstruct(file, "chair"),
     "torch": lambda: ddf.torch.Field(rabbit),
+    "onnx": lambda: ddf.load(onnx),
 }.items():
     try:
         function()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import ddf
-from ddf.api import field as field_module
-from ddf.core import checks, extras, shipped_models
+from ddf.core import checks, extras
 
 FRONT = ([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])
 
@@ -33,20 +32,24 @@ def _turned(angle, scale=1.0, at=(0.0, 0.0, 0.0)):
 
 @pytest.fixture(scope="module")
 def rabbit():
-    return ddf.load("rabbit")
+    return ddf.load("rabbit-network")
 
 
-def test_onnx_file_and_weights_are_one_field(rabbit):
-    torch_field = ddf.load(shipped_models.ROOT / "rabbit" / "model.safetensors")
-    outputs = [name for name in rabbit.outputs if "curvature" not in name]
-    assert set(outputs) < set(torch_field.outputs)
-    one, other = (field.query(*_rays(rabbit), outputs) for field in (rabbit, torch_field))
+@pytest.fixture(scope="module")
+def by_onnx(rabbit, tmp_path_factory):
+    return ddf.load(rabbit.export(tmp_path_factory.mktemp("alone") / "alone.onnx"))
+
+
+def test_onnx_file_and_weights_are_one_field(rabbit, by_onnx):
+    outputs = [name for name in by_onnx.outputs if "curvature" not in name]
+    assert set(outputs) < set(rabbit.outputs)
+    one, other = (field.query(*_rays(rabbit), outputs) for field in (by_onnx, rabbit))
     assert 50 < np.isfinite(one["depth"]).sum() < 400
     alike = np.abs(one["weight_1"] - 0.5) > 0.01  # elsewhere the components may change places
     for name in outputs:
         np.testing.assert_allclose(one[name][alike], other[name][alike], atol=2e-3, err_msg=name)
-    np.testing.assert_allclose(rabbit.box, torch_field.box, rtol=1e-6)
-    one, other = (field.render(20, 10, size=24)["depth"] for field in (rabbit, torch_field))
+    np.testing.assert_allclose(by_onnx.box, rabbit.box, rtol=1e-6)
+    one, other = (field.render(20, 10, size=24)["depth"] for field in (by_onnx, rabbit))
     both = np.isfinite(one) & np.isfinite(other)
     assert both.sum() > 100
     assert np.median(np.abs(one[both] - other[both])) < 1e-5
@@ -143,13 +146,10 @@ def test_wrong_input_is_one_value_error(rabbit):
         _ = ddf.lod  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_an_onnx_file_alone_says_what_it_lacks(tmp_path):
-    file = tmp_path / "alone.onnx"
-    file.write_bytes((shipped_models.ROOT / "rabbit" / field_module.ONNX).read_bytes())
-    alone = ddf.load(file)
-    assert alone.outputs == ddf.load("rabbit").outputs
+def test_an_onnx_file_alone_says_what_it_lacks(by_onnx, tmp_path):
     with pytest.raises(checks.InputError, match="needs the weights of the field"):
-        alone.points(5)
+        by_onnx.points(5)
+    file = tmp_path / "alone.onnx"
     file.write_bytes(b"nothing")
     with pytest.raises(checks.InputError, match=r"alone\.onnx: not an ONNX file that onnxruntime reads"):
         ddf.load(file)

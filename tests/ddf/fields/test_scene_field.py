@@ -104,7 +104,7 @@ def test_only_the_field_that_is_seen_is_asked_for_normals():
 
 
 def _networks():
-    field = shape_field.load(shipped_models.place("rabbit"))
+    field = shape_field.load(shipped_models.place("rabbit-network"))
     double = dataclasses.replace(field, field=copy.deepcopy(field.field).double())  # products round alike in float64
     return _scene((double, double))
 

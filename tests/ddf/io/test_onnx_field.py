@@ -9,7 +9,8 @@ import onnx
 import pytest
 from onnx import TensorProto, helper
 
-from ddf.core import checks, shipped_models
+import ddf
+from ddf.core import checks
 from ddf.io import onnx_field
 
 FACTS = {"box": "[[-1, -1, -1], [1, 1, 1]]", "transform": "none"}
@@ -67,14 +68,16 @@ def test_what_is_no_field_is_refused_in_one_line(name, tmp_path, capfd):
 
 def test_weights_outside_the_file_are_not_followed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    model = onnx.load(shipped_models.ROOT / "rabbit" / "field.onnx")
+    model = onnx.load(ddf.load("rabbit-network").export(tmp_path / "whole.onnx"))
     onnx.save(model, "field.onnx", save_as_external_data=True, location="weights.bin", size_threshold=0)
     with pytest.raises(checks.InputError, match=r"field\.onnx: not an ONNX file that onnxruntime reads"):
         onnx_field.load(tmp_path / "field.onnx")
 
 
 def test_nothing_is_written_outside_the_output(tmp_path):
-    program = "import ddf; ddf.load('rabbit').query([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])"
+    file, home = ddf.load("rabbit-network").export(tmp_path / "rabbit.onnx"), tmp_path / "home"
+    home.mkdir()
+    program = f"import ddf; ddf.load('{file}').query([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])"
     alone = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_"))}
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60, env={**alone, "HOME": str(tmp_path)})
-    assert not list(tmp_path.rglob("*"))
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60, env={**alone, "HOME": str(home)})
+    assert not list(home.rglob("*"))

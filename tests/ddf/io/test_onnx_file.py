@@ -11,7 +11,7 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.core import extras, shipped_models, storage
+from ddf.core import extras, storage
 from ddf.fields import derivatives, field_outputs
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
@@ -80,16 +80,6 @@ def test_no_rows_give_no_rows_from_the_graph_itself(name):
     assert {key: value.shape for key, value in found.items()} == {
         key: (0, *widths.get(key, ())) for key in graph.meanings
     }
-
-
-def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
-    for folder in sorted(file.parent for file in shipped_models.ROOT.glob("*/field.onnx")):
-        runner = onnx_parity.session((folder / "field.onnx").read_bytes())
-        inputs = {name: torch.zeros(0, 3) for name in ("positions", "directions")}
-        found = onnx_parity.run(runner, inputs, onnx_file.ExportConfig().outputs)
-        assert [found[name].shape for name in ("depth", "normals", "mean_curvature")] == [(0,), (0, 3), (0,)]
-        _, source = onnx_file.load_graphs(folder, ALL)
-        assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
 
 
 def test_every_graph_of_a_model_agrees_with_torch(tmp_path):

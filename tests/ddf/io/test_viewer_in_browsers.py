@@ -23,7 +23,8 @@ from ddf.io import viewer_page
 
 pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.browser
-SCENE = "objects: [{field: .}, {field: rabbit, scale: 0.8, translation: [0.5, 0.2, 0]}]"  # patches and a network
+SCENE = "objects: [{field: .}, {field: rabbit-network, scale: 0.8, translation: [0.5, 0.2, 0]}]"  # patches, a network
+RABBIT = shipped_models.place("rabbit-network")
 HITS = 4000  # of whose surest distances in the page are measured to; the fewer, the sooner
 PATIENCE_MS = 240_000
 
@@ -95,7 +96,7 @@ def _open(browser: Any, file: Path, asked: str, page: viewer_page.Page, **how: A
 
 @pytest.fixture(scope="module")
 def rabbit(browser, tmp_path_factory) -> Iterator[Opened]:
-    file, page = tmp_path_factory.mktemp("pages") / "rabbit.html", views.page_of([shipped_models.place("rabbit")])
+    file, page = tmp_path_factory.mktemp("pages") / "rabbit.html", views.page_of([RABBIT])
     opened = _open(browser, file, f"size=16&mode=depth&hits={HITS}", page)
     yield opened
     opened.require_quiet()  # of all tests that use the page
@@ -103,10 +104,10 @@ def rabbit(browser, tmp_path_factory) -> Iterator[Opened]:
 
 def _rabbit_by(engine: str, browser: Any, folder: Path, asked: str) -> Opened:
     """The rabbit's page, whose pixels by that engine are those of Python."""
-    opened = _open(browser, folder / "rabbit.html", asked, views.page_of([shipped_models.place("rabbit")]))
+    opened = _open(browser, folder / "rabbit.html", asked, views.page_of([RABBIT]))
     assert f"by {engine}" in opened.page.inner_text("#status")
     outputs = ("visibility", "depth", "normals", "weight_1", "mean_curvature")
-    found, expected = opened.render(outputs, 64), ddf.load("rabbit").render(35, 25, size=64, outputs=outputs)
+    found, expected = opened.render(outputs, 64), ddf.load("rabbit-network").render(35, 25, size=64, outputs=outputs)
     seen = np.isfinite(expected["depth"])
     assert seen.sum() > 500 and 0 < found["evaluated"] < 64 * 64
     assert_close(found["visibility"], expected["visibility"], atol=1e-4, rtol=0.0)
@@ -167,7 +168,7 @@ def _sliced(opened: Opened, quantity: str, size: int) -> tuple[np.ndarray, np.nd
 
 
 def test_a_slice_shows_what_the_field_says_along_one_direction(rabbit):
-    field = ddf.load("rabbit")
+    field = ddf.load("rabbit-network")
     points, depth = _sliced(rabbit, "depth", 64)
     low, high = field.corners.min(axis=0), field.corners.max(axis=0)
     assert len(points) > 200 and (points > low - 1e-6).all() and (points < high + 1e-6).all()
@@ -192,13 +193,13 @@ def test_keys_and_slider_move_the_slice_and_what_lies_before_it_is_gone(rabbit):
     rabbit.page.get_by_role("slider", name="Where").fill("0")
     rabbit.still()
     points = np.array(rabbit.page.evaluate("size => ddf.slice(size)", 16)["points"]).reshape(-1, 3)
-    assert_close(points[:, 0], np.full(len(points), ddf.load("rabbit").corners[:, 0].min()))
+    assert_close(points[:, 0], np.full(len(points), ddf.load("rabbit-network").corners[:, 0].min()))
     rabbit.page.get_by_role("slider", name="Where").evaluate("one => one.value = '0.5'")
     rabbit.page.evaluate("ddf.view.slice.at = 0.5")
 
 
 def test_distances_are_as_good_as_those_of_python_to_as_many_hits(rabbit):
-    field = ddf.load("rabbit")
+    field = ddf.load("rabbit-network")
     points, distances = _sliced(rabbit, "udf", 64)
     expected, ways = field.udf(points)
     others, other_ways = checked_cloud.draw(field.framed, HITS, seed=1).distances(points)

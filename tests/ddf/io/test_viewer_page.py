@@ -23,7 +23,7 @@ LARGEST = 3_000_000  # bytes of a page with a field of 5 layers of 128
 
 @pytest.fixture(scope="module")
 def page() -> viewer_page.Page:
-    return views.page_of([shipped_models.place("rabbit")])
+    return views.page_of([shipped_models.place("rabbit-network")])
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +57,10 @@ def test_a_title_cannot_end_its_element(page):
 
 
 def test_pages_of_nothing_and_of_files_without_weights_are_refused(tmp_path):
+    (tmp_path / "field.onnx").write_bytes(b"")
     (tmp_path / "model.safetensors").symlink_to(shipped_models.place("chair") / "model.safetensors")
     for call, error in (
-        (lambda: viewer_page.field(shipped_models.place("rabbit") / "field.onnx"), "folder"),
+        (lambda: viewer_page.field(tmp_path / "field.onnx"), "folder"),
         (lambda: views.page_of([tmp_path]), "sample_0"),
         (lambda: viewer_page.side_by_side("row", []), "one field"),
     ):

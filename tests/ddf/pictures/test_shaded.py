@@ -101,7 +101,7 @@ def test_the_side_of_the_lamp_is_bright_and_the_shadow_falls_on_the_other(drawn)
 
 def test_few_rays_are_asked_and_sides_are_smooth(drawn, evaluated):
     _, found = drawn
-    assert 0 < evaluated < 0.25 * shaded.MOST_RAYS * SIZE**2
+    assert 0 < evaluated < 0.25 * 2 * shaded.MOST_SAMPLES * SIZE**2
     assert ((found.seen > 0) & (found.seen < 1)).sum() > SIZE  # its outline
 
 
@@ -136,3 +136,22 @@ def test_paint_is_asked_for_on_the_surface_and_lit(standing, drawn):
     ball, ground = painted.seen == 1, painted.seen == 0
     assert (painted.picture[ball][:, 0] > painted.picture[ball][:, 1]).all()
     np.testing.assert_array_equal(painted.picture[ground], clay.picture[ground])
+
+
+def test_occlusion_is_the_share_of_the_sky_that_is_hidden_by_the_cosine():
+    """Where all ways with x > 0 end near, of mesh and field alike, (1 - n_x)/2 of the sky of a normal n is left."""
+
+    @dataclass(frozen=True)
+    class Half(Ball):
+        def evaluate(self, positions, directions, outputs):
+            return {"depth": np.full(len(positions), 0.01), "visibility": (directions[:, 0] > 0).astype(float)}
+
+    standing = shaded.Standing(Half(transforms.Similarity(0.5, np.eye(3), MIDDLE)), "y", 0.0)
+    normals = np.random.default_rng(0).standard_normal((50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    found = shaded._Light(standing, (0.0, 0.0, 1.0), shaded.WHOLE, 8, None, 400).open(np.zeros((50, 3)), normals)
+    np.testing.assert_allclose(found, (1 - normals[:, 0]) / 2, atol=0.02)
+
+
+def test_a_ball_hides_no_sky_from_itself(standing, drawn):
+    assert np.array_equal(shaded.render(standing, drawn[0], SIZE, sky=16).picture, drawn[1].picture)
