@@ -94,11 +94,12 @@ def write_fields(name: str, summary: str, fitted: Path, out: Path) -> list[dict[
         f"{sum(settings.samples.values()):,} oriented points of the six types.",
         "Matrices are stored in float16.",
     ]
+    jumps = "Nothing is learned; curvature jumps between patches."
     blurred = "Depths are blurred at occlusion edges; curvature is rough near sharp edges."
     kept = f"{len(patches.tree.codes):,} patches within {patches.tolerance:g} of half the longest side of the mesh."
     errors = fitting.held_out_errors(network.field, samples), held_out.errors(held_out.of_framed(patches), samples)
     return [
-        _field_card(out / name, summary, mesh, [kept], errors[1], patches, "Nothing is learned; curvature jumps between patches."),
+        _field_card(out / name, summary, mesh, [kept], errors[1], patches, jumps),
         _field_card(out / own, f"{summary} The paper's network.", mesh, told, errors[0], network, blurred),
     ]
 

@@ -72,6 +72,9 @@ def fit(
         from ddf.fields.grid import octree
 
         patches = octree.PatchConfig.within(tolerance)
+        if not any(Path(str(octree.__file__)).parent.glob("__pycache__/*.nbi")):
+            results.show_parts()
+            logging.getLogger(__name__).info("compiling, which takes 20 s or so, once after each installation")
         loaded = mesh_io.load_surface(mesh)
         result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
         spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
