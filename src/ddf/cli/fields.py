@@ -38,7 +38,7 @@ def fit(
     | `--kind` | the field | needs |
     | --- | --- | --- |
     | `patches`, the default | small planes and paraboloids in an octree, `--tolerance` from the mesh | seconds |
-    | `sine` | the paper's network; of rays, wrong where none went (bench `from_depth`) | `--minutes`, `--steps`: imply it |
+    | `sine` | the network; of rays, wrong where none went (bench `from_depth`) | `--minutes`, `--steps`: imply it |
 
     Args:
       mesh: mesh file, fitted as it is, inner sheets included; or rays.

@@ -16,7 +16,7 @@ def test_the_nearest_is_asked_for_where_one_is_near():
     [
         (["render", "rabit", "a.png"], "(did you mean rabbit?)"),
         (["reconstruct", "a.png", "chairs", "out"], "(did you mean chair?)"),
-        (["models", "get", "rabit", "out"], "there are rabbit, nested"),
+        (["models", "get", "rabit", "out"], "there are rabbit, rabbit-network, nested"),
     ],
 )
 def test_commands_know_the_models_and_ask_for_the_nearest(words, said, capsys, tmp_path, monkeypatch):
