@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Bool, Float
 
-from ddf.api import meshes, queries
+from ddf.api import queries
 from ddf.core import checks, config, extras, shipped_models
 from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
@@ -241,6 +241,7 @@ def fit(
         checks.require_whole("steps", steps, 1)
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
+    from ddf.api import meshes
     from ddf.fields import stored_fields
     from ddf.fields.grid import octree
     from ddf.fit import patch_fitting
