@@ -7,13 +7,7 @@ import torch
 from ddf.fields import cloud_projection, pddf
 
 CONFIG = cloud_projection.CloudConfig(  # the paper's way
-    num_directions=128,
-    cycles=3,
-    jitter=0.0,
-    recheck=(),
-    spread=None,
-    temperature=0.05,
-    inverse_depth=0.01,
+    num_directions=128, cycles=3, jitter=0.0, recheck=(), spread=None, temperature=0.05, inverse_depth=0.01
 )
 RADIUS = 0.6
 

@@ -22,10 +22,7 @@ GANS = {
     ),
     "noise": (_generative.noise_gan, lambda model: generative_steps.noise_updates(model, _generative.images())),
 }
-MODELS = {
-    **GANS,
-    "vae": (_generative.vae, lambda model: [functools.partial(generative_steps.vae_step, model, SHAPES)]),
-}
+MODELS = {**GANS, "vae": (_generative.vae, lambda model: [functools.partial(generative_steps.vae_step, model, SHAPES)])}
 
 
 class _Linear(nn.Module):

@@ -226,8 +226,7 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float32
 
 
 @pytest.mark.parametrize(
-    ("mode", "indices"),
-    [(4, [0, 1, 2, 0, 2, 3]), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3]), (6, None)],
+    ("mode", "indices"), [(4, [0, 1, 2, 0, 2, 3]), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3]), (6, None)]
 )
 def test_glb_primitive_modes_cover_the_square_facing_up(mode, indices):
     mesh = mesh_io.parse(_glb(SQUARE, indices, mode), ".glb")
