@@ -251,7 +251,7 @@ def test_a_handle_moves_its_object(pair):
     pair.still()
     after = pair.page.evaluate(where)
     assert after[1] > before[1] + 0.05 and pair.page.evaluate("ddf.view.camera.azimuth") == 35
-    pair.page.get_by_label("rabbit, y").fill(str(before[1]))
+    pair.page.get_by_label("rabbit-network, y").fill(str(before[1]))
     pair.still()
     assert pair.page.evaluate(where)[1] == pytest.approx(before[1])
 
