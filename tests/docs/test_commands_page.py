@@ -2,6 +2,7 @@
 
 import runpy
 import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -23,3 +24,8 @@ def test_examples_are_well_formed(name, monkeypatch):
     for example in frame.COMMANDS[name].docstring.examples:
         assert example.startswith(f"ddf {name}")
         assert cli.main(shlex.split(example)[1:]) == 0, example
+
+
+@pytest.mark.parametrize("recipe", sorted((DOCS / "recipes").glob("*.diff")), ids=lambda recipe: recipe.stem)
+def test_recipes_apply_to_the_code_as_it_is(recipe):
+    subprocess.run(["git", "apply", "--check", recipe], cwd=DOCS.parent, check=True)
