@@ -28,7 +28,7 @@ reproduce-real: CONFIG := configs/real.yaml
 reproduce-real: $(READY) ## the same on shapes of other people, fetched by apt-get, beside procedural ones (see `ddf shapes`)
 	$(run)
 smoke: override CONFIG := smoke
-smoke: $(READY) ## synthetic primitives through every stage, in minutes
+smoke: $(READY) ## synthetic primitives through reconstruction and generative models, in minutes
 	$(run) --stage report --stage export_onnx
 	@ddf run smoke_generative --jobs "$$JOBS"
 GENERATIVE := train_vae normals train_gan train_gan2d train_features evaluate_generative report_generative

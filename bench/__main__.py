@@ -24,7 +24,7 @@ def listing() -> str:
     """Every benchmark, with what it measures."""
     lines = [(__doc__ or "").strip(), ""]
     for entry in catalogue.entries().values():
-        words = textwrap.fill(entry.about, WIDTH - INDENT, max_lines=2, placeholder=" ...")
+        words = textwrap.fill(entry.about[0], WIDTH - INDENT, max_lines=2, placeholder=" ...")
         lines.append(textwrap.indent(words, " " * INDENT).replace(" " * INDENT, f"  {entry.name:{INDENT - 2}}", 1))
     return "\n".join(lines)
 

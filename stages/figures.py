@@ -30,7 +30,7 @@ def make(run: Run) -> None:
     lead = (
         "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"
         " distances measured on the mesh that was fitted.",
-        f"Fields: {config.steps:,} steps for two spheres and room; the others come with the package (`ddf models`).",
+        f"Fields: {config.steps:,} steps for two spheres and room; others are networks that `ddf models` lists.",
     )
     page = pages.Page("The figures of the paper", [lead], [section(config, fields) for section in SECTIONS])
     pages.write(page, run.page)

@@ -10,14 +10,11 @@ visibility is wrong or whose depth is off by more than 0.02; `wrong_seen` of tho
 Lengths are in halves of the longest side.
 """
 
-import dataclasses
 import functools
 import itertools
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,9 +23,9 @@ from bench.data import ray_casting
 from bench.fields import fits
 from bench.lib import measuring
 from ddf.data.synthetic import showcase
-from ddf.fields import framed_field, shape_field
+from ddf.fields import framed_field
 from ddf.fields.grid import octree, patch_field
-from ddf.fit import fit_folder, fit_settings, fitting, inspection, patch_fitting
+from ddf.fit import fit_folder, inspection, patch_fitting
 from ddf.geometry import fused_rays, mesh_io, raycast, rays, scans, sensors, unsigned_surface
 
 OBJECTS = ("spot_23k.obj", "chair_kaykit_A.obj", "mug.stl", "teapot.obj", "airplane_airliner.obj")
@@ -143,15 +140,6 @@ def patches(scan: scans.Scan) -> patch_field.PatchField:
     return patch_field.of(*patch_fitting.of_fused(fused_rays.fuse(scan)))
 
 
-def network(given: scans.Scan | mesh_io.Mesh) -> shape_field.ShapeField:
-    """As `ddf fit --steps` makes it, on one thread."""
-    config = fit_settings.FitConfig()
-    config = dataclasses.replace(config, steps=STEPS, minutes=None, loop=dataclasses.replace(config.loop, threads=1))
-    with tempfile.TemporaryDirectory() as folder:
-        fitting.fit(given, config, Path(folder))
-        return shape_field.load(Path(folder))
-
-
 def rivals(case: Case) -> Iterator[tuple[str, dict[str, Any], Callable[[], mesh_io.Mesh]]]:
     """Name, setting, and what makes the mesh."""
     for voxel, truncation in itertools.product(VOXELS, TRUNCATIONS):
@@ -230,7 +218,7 @@ def of_case(name: str, noise: float, case: Case) -> measuring.Rows:
             best[way] = row
     yield from best.values()
     for way, given in {"network": case.scan, "network of the mesh": case.scene.mesh}.items() if noise else ():
-        fitted, seconds = _timed(functools.partial(network, given))
+        fitted, seconds = _timed(functools.partial(fits.network, given, STEPS))
         row = measuring.row(way, size, [seconds], errors(of_field(fitted), case))
         yield {**row, "bytes": 4 * fitted.parameters}
     if noise == 0:

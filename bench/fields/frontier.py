@@ -2,7 +2,7 @@
 
 `rock` is a sphere whose radius waves at every wavelength that its triangles carry, so a finer one has finer detail;
 `hoops` are rings of 1/100 the shape's size, `cut` the rock of 10,000, each triangle cut into 64 that add nothing.
-`patches` is what `ddf fit` makes, `sine` its network after some seconds; `distances` is sphere tracing, compiled,
+`patches` is what `ddf fit` makes, `sine` its network after some steps; `distances` is sphere tracing, compiled,
 through a grid of signed distances; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Times are CPU time of
 one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits.
 """
@@ -21,7 +21,7 @@ from bench.rivals import distances
 from ddf.fields.grid import octree
 from ddf.geometry import mesh_io, raycast, rays
 
-GROWING, SECONDS, SIDES = fits.GROWING, 20.0, (128, 256)
+GROWING, STEPS, SIDES = fits.GROWING, 500, (128, 256)
 PER_WAVE, SLOPE, WAVES = 4, 0.05, 24  # edges of a wave; its height over its length; waves of a length
 HOOPS, WIDTH = 10, 0.01
 
@@ -74,14 +74,14 @@ def grid(scene: raycast.Scene, side: int, points: rays.OrientedPoints) -> fits.W
     return fits.Way(f"distances, {side}", made.cast, lambda: made.cast(points), made.samples.nbytes, took)
 
 
-LINES = ("patches, 0.0003", "sine, 20 s", "distances, 128", "distances, 256", "mesh")  # of the page
+LINES = ("patches, 0.0003", "sine, 500 steps", "distances, 128", "distances, 256", "mesh")  # of the page
 
 
-def main(*, seconds: float = SECONDS) -> measuring.Rows:
+def main(*, steps: int = STEPS) -> measuring.Rows:
     """Every mesh by every way.
 
     Args:
-      seconds: of the network, one core; up to 100,000 triangles.
+      steps: of the network; up to 100,000 triangles.
     """
     fits.compile_patches()
     for name, mesh in meshes().items():
@@ -89,7 +89,7 @@ def main(*, seconds: float = SECONDS) -> measuring.Rows:
         points, to_field = fits.picture(field, *fits.CAMERA), field.field_from_mesh
         starts, ways = to_field.apply(points.positions), to_field.apply_directions(points.directions)
         image = functools.partial(field.evaluate, starts, ways, ("visibility", "depth"))
-        made = [fits.sine(mesh, seconds)] if len(mesh.faces) <= GROWING[2] else []
+        made = [fits.sine(mesh, steps)] if len(mesh.faces) <= GROWING[2] else []
         made += [grid(scene, side, points) for side in SIDES]
         made = [dataclasses.replace(patches, image=image), *made, fits.cast(mesh, points)]
         yield from fits.rows_of(name, mesh, field, made)

@@ -36,7 +36,7 @@ PROTOCOLS = {"near": (2e-3, 0.0), "blind": (0.08, 0.10)}  # offset, and how near
 GOALS = {"point": 38.0, "occlusion": 42.0, "area": 38.0}
 TOLERANCES, SIDE = (1e-4, 3e-4), 128  # of patches; of the grid of distances
 SHOWN = ("point_near", "area_near", "occlusion_near", "microseconds", "kilobytes", "made_in_s")
-LINES = ("patches, 0.0003", "patches, 0.0001", "sine, 40 s", "distances, 128", "mesh")  # of the page
+LINES = ("patches, 0.0003", "patches, 0.0001", "sine, 1000 steps", "distances, 128", "mesh")  # of the page
 
 Depths = Callable[[rays.OrientedPoints], tuple[np.ndarray, object]]
 
@@ -118,10 +118,10 @@ def meshes(count: int) -> Iterator[tuple[str, mesh_io.Mesh]]:
         yield f"{rows[index].category}/{rows[index].id}", mesh_io.Mesh(made.vertices, made.faces)
 
 
-def ways(mesh: mesh_io.Mesh, scene: raycast.Scene, seconds: float) -> Iterator[tuple[fits.Way, Depths]]:
-    """Those for a mesh in [-1, 1]³. seconds: of a network, 0 for none, and for no coarser patches."""
-    fields = [fits.patches(mesh, tolerance)[0] for tolerance in TOLERANCES[: 1 + (seconds > 0)]]
-    for way in fields + ([fits.sine(mesh, seconds)] if seconds else []):
+def ways(mesh: mesh_io.Mesh, scene: raycast.Scene, steps: int) -> Iterator[tuple[fits.Way, Depths]]:
+    """Those for a mesh in [-1, 1]³. steps: of a network, 0 for none, and for no coarser patches."""
+    fields = [fits.patches(mesh, tolerance)[0] for tolerance in TOLERANCES[: 1 + (steps > 0)]]
+    for way in fields + ([fits.sine(mesh, steps)] if steps else []):
         yield way, functools.partial(way.ask, outputs=("depth",))
     ray = rays.OrientedPoints(np.array([[0.0, 0, 5]]), np.array([[0.0, 0, -1]]))
     closed = mesh_topology.is_watertight(mesh_topology.clean(mesh))
@@ -144,21 +144,21 @@ def summary(name: str, size: int, found: Mapping[str, Mapping[str, float]]) -> m
     return {**row, "made_in_s": middle["made_in_s"], **most, "each": each}
 
 
-def main(*, count: int = 60, size: int = 512, few: int = 4, seconds: float = 40.0) -> measuring.Rows:
+def main(*, count: int = 60, size: int = 512, few: int = 4, steps: int = 1000) -> measuring.Rows:
     """Every shape by every way; lines grow from shape to shape; some hours.
 
     Args:
       count: of shapes.
       size: pixels a side of a view.
       few: so many shapes have coarser patches and a network too.
-      seconds: of a network, one core.
+      steps: of the network.
     """
     fits.compile_patches()
     found: dict[str, dict[str, dict[str, float]]] = {}
     for index, (shape, raw) in enumerate(meshes(count)):
         mesh, _ = fit_folder.in_cube(raw)
         scene = raycast.Scene(mesh)
-        made = list(ways(mesh, scene, seconds if index < few else 0.0))
+        made = list(ways(mesh, scene, steps if index < few else 0))
         own = scores(scene, {way.name: ask for way, ask in made}, size)
         for way, _ in made:
             rest = {"kilobytes": way.size / 1024, "made_in_s": way.seconds}

@@ -12,11 +12,12 @@ FOLDER = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Entry:
-    """A benchmark. module: to import it by. about: the first paragraph of its docstring."""
+    """A benchmark. module: to import it by. file: its code. about: the paragraphs of its docstring."""
 
     name: str
     module: str
-    about: str
+    file: Path
+    about: tuple[str, ...]
 
 
 def entries(folder: Path = FOLDER) -> dict[str, Entry]:
@@ -25,8 +26,8 @@ def entries(folder: Path = FOLDER) -> dict[str, Entry]:
     for file in sorted(folder.glob("*/*.py"), key=lambda file: file.name):
         tree = ast.parse(file.read_text(encoding="utf-8"))
         if any(isinstance(node, ast.FunctionDef) and node.name == "main" for node in tree.body):
-            about = " ".join((ast.get_docstring(tree) or "").partition("\n\n")[0].split())
-            found[file.stem] = Entry(file.stem, f"bench.{file.parent.name}.{file.stem}", about)
+            about = tuple(" ".join(part.split()) for part in (ast.get_docstring(tree) or "").split("\n\n"))
+            found[file.stem] = Entry(file.stem, f"bench.{file.parent.name}.{file.stem}", file, about)
     return found
 
 

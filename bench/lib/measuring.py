@@ -21,7 +21,6 @@ REPORTS = ROOT / "reports"
 REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 TICK = 0.01  # seconds that a sample lasts, or longer
-FEW, MORE = 5, 45  # steps of two short trainings
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
 Row = dict[str, Any]  # of a file, see `row`
 Rows = Iterator[Row]  # what the `main` of a benchmark gives
@@ -61,16 +60,6 @@ def _seconds(candidate: Callable[[], Any], calls: int, clock: Callable[[], float
     for _ in range(calls):
         candidate()
     return (clock() - started) / calls
-
-
-def steps_within(train: Callable[[int], object], seconds: float) -> int:
-    """Steps for which `train` takes so many seconds of this process's time, what it does before them included."""
-    train(FEW)  # the first one loads libraries and touches memory
-    few, more = (_seconds(lambda steps=steps: train(steps), 1, time.process_time) for steps in (FEW, MORE))
-    each = (more - few) / (MORE - FEW)
-    if each <= 0:
-        raise RuntimeError(f"{MORE} steps took {more:.3g} s, {FEW} took {few:.3g} s: too few to tell what one takes")
-    return max(1, int((seconds - few) / each) + FEW)
 
 
 def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Mapping[str, float]) -> Row:

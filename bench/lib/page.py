@@ -1,7 +1,7 @@
 """The page of the benchmarks, `reports/bench/README.md`, from their JSON files: `python -m bench page` writes it.
 
-A section has the first paragraph of the benchmark's docstring and the lines that a reader compares: those that end as
-`LINES` of the module says, or the first ones. The JSON file has all.
+A section has the benchmark's docstring, how many lines are of older code, and the lines that a reader compares: those
+that end as `LINES` of the module says, or the first ones. The JSON file has all.
 """
 
 import importlib
@@ -11,6 +11,7 @@ from typing import Any
 
 from bench.lib import catalogue, measuring
 from ddf.core import checks, storage
+from ddf_lab.engine import publish
 from ddf_lab.report import pages
 
 LEAD = 'Made by such as `make bench BENCH="ray_casting pose"`. Times are medians.'
@@ -68,7 +69,11 @@ def page(folder: Path) -> pages.Page:
         record, names = found[entry.name], getattr(importlib.import_module(entry.module), "LINES", ())
         versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
         machine = f"{record['cpu']}, {record['cores']} cores, threads: {record['threads']}; {versions}"
-        blocks = [entry.about, f"{machine}; {record['took_s']:.0f} s in all.", table(record, names)]
+        codes, own = [row.get("code") for row in record["rows"]], publish.of_bench(entry.file)
+        took = f"{machine}; {record['took_s']:.0f} s in all."
+        old = len(codes) - codes.count(own)
+        took += f" Stale, of older code: {old} of {len(codes)} lines." if old else ""
+        blocks = [*entry.about, took, table(record, names)]
         sections.append(pages.Section(title(entry.name).capitalize(), blocks))
     return pages.Page("Speed against error", [LEAD], sections)
 

@@ -35,7 +35,9 @@ from torch import Tensor
 
 from bench.lib import measuring
 from bench.rivals import latent_distances
+from ddf.api import completion as whole
 from ddf.api import sensors as sending
+from ddf.cli import models
 from ddf.core import shipped_models
 from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
@@ -43,7 +45,7 @@ from ddf.data.samples.draws import Surface
 from ddf.data.synthetic import assemble, render, write
 from ddf.fields import cloud_projection, pddf
 from ddf.fit import completed_surface, completion, latent_prior
-from ddf.geometry import cameras, neighbours, sensors, transforms
+from ddf.geometry import cameras, neighbours, scans, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
 from ddf.models import line_field
@@ -55,7 +57,7 @@ KEPT = True  # rows that are not measured anew
 SEED, PIXELS, POINTS, TRUTH_POINTS = 0, 64, 2466, 8000
 SCORES = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
 Split = Literal["validation", "test"]
-BEAMS, COLUMNS, TEST_RAYS = 16, 31, 500
+BEAMS, COLUMNS, TEST_RAYS, JUDGED = 16, 31, 500, 20
 TURN_DEG, GROWTH, SHIFT = 30.0, 0.1, 0.1  # half longest sides
 ICP_HITS, ICP_STEPS, ICP_POINTS, ICP_KEPT = 300, 10, 2000, 0.9  # share of hits that a step fits to
 K = transforms.BENCHMARK_FROM_V1
@@ -68,7 +70,7 @@ SCANS = {  # noise in v1, outliers, whether a lidar, whether the pose is known
     "depth, pose off": (0.0, 0.0, False, False),
 }
 EVERY = ("depth", "depth, pose off")  # of all shapes; others of `--few`
-LINES = (": image", ": nearest", ": sdf", ": depth", ": lidar", ": depth, pose off")  # of the page
+LINES = (": image", ": nearest", ": sdf", ": depth", ": lidar", ": depth, pose off", ": told apart")  # of the page
 
 
 @dataclass(frozen=True)
@@ -91,13 +93,17 @@ class Case:
         seen = self.views[view]
         return torch.tensor([*np.radians([seen.azimuth_deg, seen.elevation_deg]), seen.ratio], dtype=torch.float32)
 
-    def scan(self, view: int, noise: float = 0.0, outliers: float = 0.0, lidar: bool = False) -> sensors.Sweep:
-        """What a sensor at a view's camera sees."""
+    def sensor(self, view: int, axes: Float[np.ndarray, "3 3"] = sensors.CAMERA) -> transforms.Similarity:
+        """Where one stands at a view's camera, in v1."""
         seen = self.views[view]
         azimuth, elevation = np.radians([seen.azimuth_deg, seen.elevation_deg])
         turn, centre = cameras.extrinsics(azimuth, elevation, np.array(seen.ratio))
-        axes = sensors.LIDAR if lidar else sensors.CAMERA
-        pose = transforms.Similarity(1.0, turn.T @ axes, centre / K).to_matrix()
+        return transforms.Similarity(1.0, turn.T @ axes, centre / K)
+
+    def scan(self, view: int, noise: float = 0.0, outliers: float = 0.0, lidar: bool = False) -> sensors.Sweep:
+        """What a sensor at a view's camera sees."""
+        seen = self.views[view]
+        pose = self.sensor(view, sensors.LIDAR if lidar else sensors.CAMERA).to_matrix()
         mesh = Mesh(self.shape.vertices, self.shape.triangles)
         if lidar:
             half = float(np.degrees(np.arcsin(min(1.0, K / 2 / seen.ratio))))  # what holds the whole shape
@@ -261,6 +267,34 @@ def similar(source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]) 
     return transforms.Similarity.of_matrix("similarity", matrix)
 
 
+def judged(given: Case, category: str) -> dict[str, float]:
+    """What `ddf complete` says of a depth view in its camera's frame, and by how much its shape leans."""
+    seen, from_scan = given.scan(0), given.sensor(0).inverse()
+    starts, ways = from_scan.apply(seen.positions), from_scan.apply_directions(seen.directions)
+    started = time.process_time()
+    found = whole.complete(scans.Scan(starts, ways, seen.ranges, of_camera=True), category, n=2)
+    up = found.pose[:3, 1] / np.linalg.norm(found.pose[:3, 1])
+    leans = float(np.degrees(np.arccos(np.clip(up @ from_scan.rotation[:, 1], -1, 1))))
+    told = {"likeness": found.likeness, "explained": found.explained, "leans_deg": leans}
+    return {"seconds": time.process_time() - started} | told
+
+
+def told_apart(category: str, split: Split, most: int) -> measuring.Row:
+    """The line of as many shapes of the category at most, and of all others, evenly."""
+    everything = manifest.rows()
+    right = [row for row in everything if (row.category, row.split) == (category, split)][:most]
+    others = [row for row in everything if row.category != category]
+    others = [others[(2 * index + (split == "test")) * len(others) // (2 * most)] for index in range(most)]
+    own, other = ({row.id: judged(case(row), category) for row in rows} for rows in (right, others))
+    warned = [[models.unlike(each["explained"], each["likeness"]) for each in of.values()] for of in (own, other)]
+    leans = np.array([each["leans_deg"] for each in own.values()])
+    error = {"right_warned": 100 * float(np.mean(warned[0])), "wrong_warned": 100 * float(np.mean(warned[1]))}
+    error |= {"leans_deg": float(np.median(leans)), "upside_down": float((leans > 90).sum())}
+    about = {"shapes": len(right), "others": len(others)}
+    seconds = [each.pop("seconds") for each in (own | other).values()]
+    return measuring.row(f"{category}, {split}: told apart", about, seconds, error) | {"judged": own | other}
+
+
 def _told(scores: cloud_scores.CloudScores) -> dict[str, float]:
     return dict(zip(SCORES, (1000 * scores.chamfer_l2_sq, 100 * scores.f_score_tau), strict=True))
 
@@ -328,6 +362,7 @@ def main(
                     found[way].append(solver.of_scan(given, way, np.random.default_rng(number)))
             print(row.id, {way: round(own[-1]["f_score_tau_x100"], 1) for way, own in found.items()}, flush=True)
         yield from rows(category, split, found)
+        yield told_apart(category, split, min(shapes, JUDGED))
 
 
 def _cloud(row: manifest.Row) -> Float[np.ndarray, "n 3"]:

@@ -21,7 +21,7 @@ def run(
     launch: Annotated[str, Arg("CMD")] = "",
     changes: Annotated[list[str], Arg("KEY=VALUE", ("--set",), action="append")] = [],  # noqa: B006
 ) -> dict[str, Any]:
-    """An experiment file through all its stages, to tables, figures and report.
+    """An experiment file through the stages of its report: tables, figures and page.
 
     [One run](scale-out.md#one-run) tells what it does.
 

@@ -113,9 +113,9 @@ def _field_card(
     field: framed_field.FramedField,
     limit: str,
 ) -> dict[str, Any]:
-    inner = inspection.wrong_inside(field, inspection.beside(field, mesh))
+    inner, shape = inspection.wrong_inside(field, inspection.beside(field, mesh)), out.name.partition("-")[0]
     sections = {
-        "Data": [f"`ddf.data.synthetic.showcase`: {len(mesh.faces):,} triangles, made by this repository."],
+        "Data": [f"`{showcase.__name__}.SHAPES['{shape}']`: {len(mesh.faces):,} triangles, made by this repository."],
         "Fit": made,
         "Scores": [
             "Held-out errors, 10,000 samples a type; the longest side of the shape is 2.",

@@ -31,7 +31,8 @@ def test_a_file_with_a_main_is_a_benchmark_and_another_is_not(tmp_path):
     for name in ("fields/new.py", "__main__.py"):
         (tmp_path / name).write_text(text)
     (tmp_path / "fields" / "helper.py").write_text('"""Helps."""\n')
-    assert catalogue.entries(tmp_path) == {"new": catalogue.Entry("new", "bench.fields.new", "What it measures.")}
+    new = catalogue.Entry("new", "bench.fields.new", tmp_path / "fields" / "new.py", ("What it measures.", "How."))
+    assert catalogue.entries(tmp_path) == {"new": new}
 
 
 def test_several_run_in_processes_of_their_own_then_their_page_and_failures_are_named(monkeypatch, capsys):

@@ -1,4 +1,4 @@
-"""The page of the benchmarks: lines, and which of them."""
+"""How benchmarks take seconds, and their page: lines, and which of them."""
 
 import pytest
 
@@ -20,4 +20,21 @@ def test_page_has_a_line_per_row_as_it_was_written(tmp_path):
     measuring.write("ray_casting", 2, _rows(2))
     text = pages.markdown(page.page(tmp_path))
     assert text.count("| way ") == 2 and "| way 1 | 1 | 20 | 0.1 |" in text and "*hidden 8. 2 of 2 lines" in text
-    assert "threads: 2" in text and all(name in text for name in measuring.PACKAGES)
+    assert (
+        "threads: 2; " in text
+        and "Stale, of older code: 2 of 2 lines." in text
+        and all(name in text for name in measuring.PACKAGES)
+    )
+
+
+def test_samples_are_means_of_calls_taken_in_turn():
+    """By a clock that the candidates move: the second call says how many make a sample."""
+    now, order, lengths = [0.0], [], {"slow": [1.0] * 9, "fast": [measuring.TICK / 1.5] * 9}
+
+    def call(name):
+        order.append(name)
+        now.append(lengths[name].pop())
+
+    times = measuring.interleaved({name: lambda name=name: call(name) for name in lengths}, 3, lambda: sum(now))
+    assert times == {"slow": pytest.approx([1.0] * 3), "fast": pytest.approx([measuring.TICK / 1.5] * 3)}
+    assert order == ["slow"] * 2 + ["fast"] * 2 + ["slow", "fast", "fast"] * 3

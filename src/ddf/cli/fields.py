@@ -42,7 +42,7 @@ def fit(
 
     Args:
       mesh: mesh file, fitted as it is, inner sheets included; or rays.
-      out: gets model.safetensors, log.csv, fit.json, fit.png; an interrupted or longer fit goes on there.
+      out: gets model.safetensors, fit.json, of a mesh fit.png, of a network log.csv; a network's fit goes on there.
       config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
       seed: of sine: of samples, initial weights and batches.
       force: replace the field of another mesh in OUT_DIR.

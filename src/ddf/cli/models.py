@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ddf.reconstruction import sampler
 
 BATCHES = (1, 7, 65536)  # rays that an ONNX file and its model are compared with
-_LIKELY = 0.5  # likeness, and share of explained hits, under which a scan is called unlike the model's kind
+EXPLAINED, LIKELY = 0.5, 0.3  # under which a scan is called unlike the model's kind; chosen on validation scans
 _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
@@ -221,9 +221,14 @@ def complete(
     storage.write_json(out / "completion.json", result)
     verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
     verdict += f"; its longest side is {2 * np.cbrt(np.linalg.det(found.pose[:3, :3])):.4g}"
-    if min(found.likeness, found.explained) < _LIKELY:
+    if unlike(found.explained, found.likeness):
         verdict += f"; WARNING: perhaps no {Path(model).name}, or another pose or unit"
     return result | {"verdict": verdict + results.left_out(given.remarks)}
+
+
+def unlike(explained: float, likeness: float) -> bool:
+    """Whether a completed scan is warned of."""
+    return explained < EXPLAINED or likeness < LIKELY
 
 
 @command("model", api="reconstruction:generate")

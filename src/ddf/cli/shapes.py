@@ -19,8 +19,8 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 def shapes() -> dict[str, Any]:
     """Shapes to train on: chairs, planes, cars, ... of other people; fetching them; adding your own.
 
-    411 chairs, planes, cars, tables, sofas, cabinets, lamps and beds, each with its own licence, from nine packages of
-    Debian's archive. `get` runs `apt-get download`, which needs no rights, or takes `.deb` files from a folder. 124 MB
+    410 chairs, planes, cars, tables, sofas, cabinets, lamps and beds, each with its own licence, from nine packages of
+    Debian's archive. `get` runs `apt-get download`, which needs no rights, or takes `.deb` files from a folder. 108 MB
     are kept in `~/.cache/ddf/shapes`. `add` makes training shapes of [your own meshes](own_shapes.md).
 
     Examples:

@@ -53,7 +53,8 @@ def render(
     | `.png` with `--bits 16` | depth = value × step, 0 where nothing is seen; the step is printed and in the file |
     | `.npz`, `.exr` | the arrays of all outputs that `--output` names; in EXR float32 channels |
 
-    Shadows are asked of the field; most pixels take two rays, outlines and edges of shadows up to 18.
+    Shadows are asked of the field. Most pixels take two rays at most; outlines, creases and edges of shadows up to 20.
+    `--ao N` adds N to each sample on the object.
 
     Args:
       out: .png, .webp, .npz, .exr: a picture of one output, or the numbers of several (npz, exr).

@@ -1,8 +1,9 @@
 """Several fields and where they stand, asked as one field: outputs, distances, and the cameras that look at them.
 
-Hard: visibility is the largest of the fields, at least 1/2 exactly where there is a depth; all else is of the nearest
-field that is visible, which alone is asked for it. Soft ([DDF22] §4.1), with ξ_k, d_k what field k says of the oriented
-point in its own frame, depths in units of the scene,
+Hard: visibility is the largest of the fields asked, at least 1/2 exactly where there is a depth; all else is of the
+nearest field that is visible, which alone is asked for it. Fields are asked in the order in which a ray enters their
+boxes, and not once it has met a surface before the next box. Soft ([DDF22] §4.1), with ξ_k, d_k what field k says of
+the oriented point in its own frame, depths in units of the scene,
 
   ξ = 1 - Π_k (1 - ξ_k),   a = softmax_k( ξ_k / (η_T (ε_s + d_k)) ),   d = Σ_k a_k d_k,
 
@@ -19,18 +20,22 @@ A camera has a position and looks at a target ([DDF22] fig. `simpleroom`); its l
 in the frame of the scene.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ddf.core import checks
 from ddf.fields import field_outputs, framed_field
 from ddf.geometry import cameras, rays, transforms
 
 _SMALLEST = float(np.finfo(np.float64).tiny)  # its inverse is still finite
+_MOST_PAIRS, _ROUNDING = 2**22, 1e-12  # rays times fields at once; of squared distances
 _LEAST_WEIGHT = 1e-3  # a field with less of the soft mean is not asked for what is neither visibility nor depth
+
+# visibility and depth by name; for all else the fields, each with rows and their weights
+_Found = tuple[dict[str, np.ndarray], Iterable[tuple[int, np.ndarray, np.ndarray]]]
 
 
 @dataclass(frozen=True)
@@ -73,19 +78,64 @@ class SceneField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
-        met = [_meet(field, place, positions, directions) for field, place in self._members()]
-        visibilities, depths = (np.stack(values) for values in zip(*met, strict=True))
-        answers, weights = compose(visibilities, depths, self.blend)
+        most = max(1, _MOST_PAIRS // len(self.fields))
+        if len(positions) > most:
+            starts = range(0, len(positions), most)
+            parts = [self.evaluate(positions[i : i + most], directions[i : i + most], outputs) for i in starts]
+            return {name: np.concatenate([part[name] for part in parts]) for name in outputs}
+        find = self._nearest if self.blend is None else self._mean
+        answers, shares = find(positions, directions)
         others = [name for name in outputs if name not in answers]
-        for weight, (field, place) in zip(weights, self._members() if others else (), strict=False):
-            chosen = weight > _LEAST_WEIGHT
-            for name, values in _ask(field, place, positions[chosen], directions[chosen], others).items():
+        for index, chosen, weight in shares if others else ():
+            for name, values in _ask(*self._member(index), positions[chosen], directions[chosen], others).items():
                 whole = answers.setdefault(name, np.zeros((len(positions), *values.shape[1:])))
-                whole[chosen] += weight[chosen].reshape(-1, *[1] * (values.ndim - 1)) * values
+                whole[chosen] += weight.reshape(-1, *[1] * (values.ndim - 1)) * values
         for name in (name for name in others if field_outputs.OUTPUTS[name].kind == "directions"):
             length = np.linalg.norm(answers[name], axis=-1, keepdims=True)
             answers[name] = answers[name] / np.where(length > 0, length, 1.0)
         return {name: answers[name] for name in outputs}
+
+    def _nearest(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> _Found:
+        """By the hard choice."""
+        visibility, depth = np.zeros(len(positions)), np.full(len(positions), np.inf)
+        first = np.zeros(len(positions), int)
+        for index, asked in _in_turn(self._entries(positions, directions), depth):
+            seen, far = _meet(*self._member(index), positions[asked], directions[asked])
+            visibility[asked] = np.maximum(visibility[asked], seen)
+            nearer = (seen >= framed_field.SEEN) & (far < depth[asked])
+            depth[asked[nearer]], first[asked[nearer]] = far[nearer], index
+        met = np.flatnonzero(np.isfinite(depth))
+        shares = ((index, rows, np.ones(len(rows))) for index, rows in _grouped(first, met))
+        return {"visibility": visibility, "depth": depth}, shares
+
+    def _mean(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> _Found:
+        """By the soft one."""
+        assert self.blend
+        met = [_meet(*self._member(index), positions, directions) for index in range(len(self.fields))]
+        visibilities, depths = (np.stack(values) for values in zip(*met, strict=True))
+        answers, weights = compose(visibilities, depths, self.blend)
+        chosen = [np.flatnonzero(weight > _LEAST_WEIGHT) for weight in weights]
+        return answers, ((i, rows, weights[i, rows]) for i, rows in enumerate(chosen))
+
+    def _entries(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "k n"]:
+        """How far a ray goes before it enters each field's box; `inf` where it misses that, or the ball around it."""
+        boxes = [(field.field_from_mesh.compose(place.inverse()), field) for field, place in self._members()]
+        middle = np.stack([to.inverse().apply((each.lower + each.upper) / 2) for to, each in boxes])
+        reach = np.array([np.linalg.norm(each.upper - each.lower) / 2 / to.scale for to, each in boxes])
+        along = middle @ directions.T - (positions * directions).sum(-1)
+        far = np.square(middle).sum(-1)[:, None] + np.square(positions).sum(-1)
+        near = far * (1 - _ROUNDING) - 2 * middle @ positions.T - along**2 <= reach[:, None] ** 2
+        entries = np.full(near.shape, np.inf)
+        for entry, rows, (to, each) in zip(entries, near, boxes, strict=True):
+            starts, ways = to.apply(positions[rows]), to.apply_directions(directions[rows])
+            _, distance, meets = rays.enter_box(starts, ways, each.lower, each.upper)
+            entry[rows] = np.where(meets, distance / to.scale, np.inf)
+        return entries
+
+    def _member(self, index: int) -> tuple[framed_field.FramedField, transforms.Similarity]:
+        return self.fields[index], self.scene_from_mesh[index]
 
     def _members(self) -> Iterator[tuple[framed_field.FramedField, transforms.Similarity]]:
         return zip(self.fields, self.scene_from_mesh, strict=True)
@@ -122,18 +172,32 @@ def _meet(
     return visibility, depth
 
 
+def _grouped(of: Int[np.ndarray, "n"], rows: Int[np.ndarray, "_"]) -> Iterator[tuple[int, Int[np.ndarray, "_"]]]:
+    """Each field of some rows, with those of its own; of no rows, the first with none."""
+    ordered = rows[np.argsort(of[rows], kind="stable")]
+    for part in np.split(ordered, np.flatnonzero(np.diff(of[ordered])) + 1):
+        yield int(of[part[0]]) if len(part) else 0, part
+
+
+def _in_turn(
+    bounds: Float[np.ndarray, "k n"], best: Float[np.ndarray, "n"]
+) -> Iterator[tuple[int, Int[np.ndarray, "_"]]]:
+    """Fields, nearest bound first, each with the rows that it may still be the best of; the caller lowers `best`."""
+    for turn in np.argsort(bounds, axis=0, kind="stable"):
+        rows = np.flatnonzero(bounds[turn, np.arange(len(best))] < best)
+        if not len(rows):
+            return
+        yield from _grouped(turn, rows)
+
+
 def compose(
-    visibilities: Float[np.ndarray, "k n"], depths: Float[np.ndarray, "k n"], blend: Blend | None
+    visibilities: Float[np.ndarray, "k n"], depths: Float[np.ndarray, "k n"], blend: Blend
 ) -> tuple[dict[str, Float[np.ndarray, "n"]], Float[np.ndarray, "k n"]]:
-    """Visibility and depth of a scene (`inf` where nothing is), and the weight of each field in its other outputs.
+    """Soft visibility and depth of a scene (`inf` where nothing is), and the weight of each field in other outputs.
 
     Args:
       depths: unit of the scene; `inf` where a field takes no part.
     """
-    if blend is None:
-        hard = np.where(visibilities >= framed_field.SEEN, depths, np.inf)
-        chosen = np.isfinite(hard.min(axis=0)) & (np.arange(len(hard))[:, None] == hard.argmin(axis=0))
-        return {"visibility": visibilities.max(axis=0), "depth": hard.min(axis=0)}, chosen.astype(np.float64)
     near = np.isfinite(depths)
     some, finite = near.any(axis=0), np.where(near, depths, 0.0)
     score = np.where(near, visibilities / (blend.inverse_depth + finite), -np.inf)
@@ -188,19 +252,14 @@ def closest(
     bounds = np.stack(
         [_box_distance(field, back.apply(positions)) / back.scale for field, back in zip(fields, inner, strict=True)]
     )
-    order = np.argsort(bounds, axis=0, kind="stable")
     distances, directions, queries = np.full(len(positions), np.inf), np.zeros(positions.shape), 0
-    for rank in range(len(fields)):
-        turn = order[rank]
-        open_still = bounds[turn, np.arange(len(positions))] < distances
-        for index in np.unique(turn[open_still]):
-            asked = np.flatnonzero(open_still & (turn == index))
-            queries += len(asked)
-            found, ways = asks[index](inner[index].apply(positions[asked]))
-            found = found / inner[index].scale
-            nearer = found < distances[asked]
-            distances[asked[nearer]] = found[nearer]
-            directions[asked[nearer]] = scene_from_mesh[index].apply_directions(ways[nearer])
+    for index, asked in _in_turn(bounds, distances):
+        queries += len(asked)
+        found, ways = asks[index](inner[index].apply(positions[asked]))
+        found = found / inner[index].scale
+        nearer = found < distances[asked]
+        distances[asked[nearer]] = found[nearer]
+        directions[asked[nearer]] = scene_from_mesh[index].apply_directions(ways[nearer])
     return Nearest(distances, directions, queries)
 
 

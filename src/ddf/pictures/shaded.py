@@ -49,6 +49,10 @@ class Standing:
         to_mesh = self.field.field_from_mesh.inverse()
         return to_mesh.apply((self.field.lower + self.field.upper)[None] / 2)[0], framed_field.upright(self.up)
 
+    def diagonal(self) -> float:
+        """Of the box, unit of the mesh."""
+        return float(np.linalg.norm(self.field.upper - self.field.lower)) / self.field.field_from_mesh.scale
+
 
 @dataclass(frozen=True)
 class Shaded:
@@ -196,8 +200,7 @@ class _Light:
 
         A normal and an even point of the unit sphere add up to such a ray.
         """
-        field, found = self.standing.field, np.ones(len(points))
-        diagonal = float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
+        field, diagonal, found = self.standing.field, self.standing.diagonal(), np.ones(len(points))
         for spread in rays.evenly_spread(self.sky):
             ways = normals + 0.999 * spread  # never 0
             ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
@@ -210,8 +213,7 @@ class _Light:
 
         From outside, for rays that begin beside a surface are those that a field knows least.
         """
-        lit, field = np.ones(len(points), bool), self.standing.field
-        diagonal = float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
+        lit, field, diagonal = np.ones(len(points), bool), self.standing.field, self.standing.diagonal()
         towards = rays.OrientedPoints(points[facing] + 2 * diagonal * lamp[facing], -lamp[facing])
         found, _ = framed_field.query(field, towards, ("depth",))
         lit[facing] = found["depth"] > (2 - _CLEAR) * diagonal

@@ -49,7 +49,7 @@ def build(found: stage_results.Results) -> pages.Page:
         f"Experiment `{found.name}`: 3D reconstruction from single images of {_DATA[found.index['source']]}.",
         "DDF: directed distance fields. PC-SIREN: a baseline with the same encoders that maps points of a cube to "
         "surface points. DDF+image: a DDF that asks the image at places along the ray.",
-        f"Made by `make reproduce-table CONFIG=configs/{found.name}.yaml{seeds}`. All numbers are in "
+        f"Made by `make reproduce-table CONFIG=configs/{found.name}.yaml{seeds}`. All means are in "
         "[si3dr.csv](si3dr.csv), scores of every image, on which bold rests, in [per_image.csv](per_image.csv).",
     ]
     if seeds:

@@ -55,35 +55,25 @@ def verdict(table: Table) -> str:
 
 def effects(results: Results, table: Table) -> Table:
     """By how much the best model of each mean is better than the next, its interval and the number of shapes."""
-    scored, rows, metrics = [claims.by_head(each) for each in results.trainings], list[list[Cell | str]](), _COMPARED
+    scored, rows = [claims.by_head(each) for each in results.trainings], list[list[Cell | str]]()
     for category, column in itertools.product(results.groups, LARGE):
         cells, claimed, shapes = list[Cell | str](), _best(table, scores.column_label(column)), 0
-        for metric, label in metrics.items():
-            own = cloud_scores.METRICS[metric]
+        for metric, label in _COMPARED.items():
+            own, least = cloud_scores.METRICS[metric], list[tuple[claims.Difference, str]]()
             sign = -1 if own.better == "min" else 1
-            gaps = {
-                (one, two): gap
-                for (one, first), (two, second) in itertools.permutations(MODELS, 2)
-                if (gap := claims.of_tables(scored, category, (first, column), (second, column), own))
-            }
-            least = {
-                name: min((gap for (one, _), gap in gaps.items() if one == name), key=lambda gap: sign * gap.mean)
-                for name, _ in gaps
-            }
+            for one, first in MODELS:
+                rivals = [(second, column) for two, second in MODELS if two != one]
+                found = [claims.of_tables(scored, category, (first, column), rival, own) for rival in rivals]
+                gaps = [gap for gap in found if gap]
+                least += [(min(gaps, key=lambda gap: sign * gap.mean), one)] if gaps else []
             if least:
-                best = max(least, key=lambda name: sign * least[name].mean)
-                gap, shapes = least[best], least[best].shapes
-                by = f"{sign * gap.mean:.{own.digits}f} ± {gap.half_interval:.{own.digits}f}"
+                gap, best = max(least, key=lambda pair: sign * pair[0].mean)
+                shapes, by = gap.shapes, f"{sign * gap.mean:.{own.digits}f} ± {gap.half_interval:.{own.digits}f}"
                 cells += [best, Cell(by, claimed.get((category, label)) == best)]
             else:
                 cells += [scores.NOTHING] * 2
         rows.append([category if column == LARGE[0] else "", scores.column_label(column), *cells, str(shapes)])
-    header = [
-        "",
-        "camera, points",
-        *(text for label in metrics.values() for text in (f"{label}: best", "by")),
-        "shapes",
-    ]
+    header = ["", "camera, points", *(t for label in _COMPARED.values() for t in (f"{label}: best", "by")), "shapes"]
     caption = (
         f"By how much the best model is better than the next one, ± half the 95 % interval over test shapes and "
         f"{results.seeds} training{'s' if results.seeds > 1 else ''} of each. Bold: claimed, see below."

@@ -117,7 +117,7 @@ def costs_section(results: Results) -> Section:
     known = {name: seconds for name, seconds in results.stage_seconds.items() if seconds is not None}
     rows = [[name, duration(known[name]) if name in known else "not timed"] for name in results.stage_seconds]
     rows.append(["together", duration(sum(known.values())) if known else scores.NOTHING])
-    caption = f"Wall time of each stage's last run, summed over categories, on {os.cpu_count()} CPU threads."
+    caption = f"Each stage's last run, its categories added up, though they run side by side on {os.cpu_count()} CPUs."
     return Section("Times", [Table(caption, ["stage", "time"], rows)])
 
 

@@ -14,3 +14,4 @@ def test_rabbit_is_one_closed_surface_symmetric_and_upright():
     lower, upper = rabbit.box()
     assert np.allclose(lower[0], -upper[0], atol=0.02)
     assert np.argmax(upper - lower) == 1  # the ears
+    np.testing.assert_allclose(showcase._onto_level_set(rabbit.vertices), rabbit.vertices, atol=1e-6)  # no terraces

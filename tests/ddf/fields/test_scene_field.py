@@ -3,6 +3,8 @@
 import copy
 import dataclasses
 import math
+import types
+from typing import Any
 
 import _closed_form
 import numpy as np
@@ -157,6 +159,32 @@ def test_scenes_of_one_field_ask_it_once_a_point(count):
     assert found.queries == count
 
 
+def _constant(**says) -> Any:
+    """A field that says the same of every ray."""
+    box = {"lower": -np.ones(3), "upper": np.ones(3), "field_from_mesh": transforms.Similarity()}
+    ask = lambda positions, _, outputs: {name: np.full(len(positions), says[name]) for name in outputs}  # noqa: E731
+    return types.SimpleNamespace(**box, outputs=tuple(says), evaluate=ask)
+
+
+def test_what_stands_behind_a_surface_is_not_asked():
+    rng = np.random.default_rng(4)
+    sizes, centres = rng.uniform(0.1, 0.4, 60), rng.normal(size=(60, 3))
+    places = tuple(transforms.Similarity(size, TURN, centre) for size, centre in zip(sizes, centres, strict=True))
+    starts = rng.normal(size=(2000, 3))
+    starts *= 1e3 / np.linalg.norm(starts, axis=1, keepdims=True)
+    ways = rng.normal(size=starts.shape) - starts
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    counted = tuple(scene_field.Counted(SPHERE) for _ in places)
+    found = scene_field.SceneField(counted, places, np.full(3, -9.0), np.full(3, 9.0)).evaluate(starts, ways, OUTPUTS)
+    asked, seen = sum(field.queries for field in counted), int(np.isfinite(found["depth"]).sum())
+    each = np.stack(
+        [scene_field._meet(field, place, starts, ways)[1] for field, place in zip(counted, places, strict=True)]
+    )
+    np.testing.assert_array_equal(found["depth"], each.min(axis=0))
+    every = sum(field.queries for field in counted) - asked
+    assert seen > 500 and asked - seen < 0.8 * every
+
+
 ROWS = [  # visibilities and depths of the fields; visibility, depth and depth of the hard choice
     pytest.param([1.0, 1.0], [0.0, 0.0], 1.0, 0.0, 0.0, id="both at depth 0"),
     pytest.param([0.0] * 3, [0.25, 0.5, 0.75], 0.0, 0.5, math.inf, id="nothing visible"),
@@ -171,7 +199,10 @@ def test_composites_of_constant_fields(visibilities, depths, visibility, depth, 
     given = np.array(visibilities)[:, None], np.array(depths)[:, None]
     soft, _ = scene_field.compose(*given, scene_field.Blend(1e-4))
     assert (soft["visibility"][0], soft["depth"][0]) == (pytest.approx(visibility), pytest.approx(depth))
-    hard, _ = scene_field.compose(*given, None)
+    fields = tuple(_constant(visibility=v, depth=d) for v, d in zip(visibilities, depths, strict=True))
+    places = (transforms.Similarity(),) * len(fields)
+    hard = scene_field.SceneField(fields, places, np.full(3, -1.0), np.ones(3))
+    hard = hard.evaluate(np.zeros((1, 3)), np.eye(3)[:1], ("visibility", "depth"))
     assert (hard["visibility"][0], hard["depth"][0]) == (max(visibilities), nearest)
 
 

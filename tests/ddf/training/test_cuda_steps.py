@@ -1,34 +1,57 @@
-"""The steps of the GPU check on the CPU, and on the GPU where there is one (`make test-gpu`)."""
+"""Steps on random data on the CPU, and on the GPU where there is one (`make test-gpu`)."""
 
 import contextlib
 import dataclasses
+import functools
 from unittest import mock
 
+import numpy as np
 import pytest
 import torch
 
-from bench.fields import gpu_check
+from ddf.data import packing
+from ddf.data.batches import category_data
+from ddf.data.samples import sample_types
 from ddf.fields import model_files
-from ddf.models import reconstruction_settings
-from ddf.training import training_loop
+from ddf.geometry import transforms
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.training import reconstruction_steps, training_loop
 
 ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 DEVICES = ("cpu", pytest.param("cuda", marks=(pytest.mark.gpu, ABSENT)))
-LOOP = dataclasses.replace(gpu_check.TRAIN.loop, threads=1, checkpoint_seconds=0.0)
-TRAIN = dataclasses.replace(
-    gpu_check.TRAIN,
-    image_size=32,
-    encoder_width=4,
-    latent_features=6,
-    batch_size=2,
-    decoder=dataclasses.replace(gpu_check.TRAIN.decoder, hidden=(16, 12)),
-    loop=LOOP,
-)
+PAPER = reconstruction_settings.TrainConfig()
+LOOP = dataclasses.replace(PAPER.loop, threads=1, checkpoint_seconds=0.0)
+TRAIN = dataclasses.replace(PAPER, image_size=32, encoder_width=4, latent_features=6, batch_size=2, loop=LOOP)
+TRAIN = dataclasses.replace(TRAIN, decoder=dataclasses.replace(PAPER.decoder, hidden=(16, 12)))
 DDF, PCSIREN = reconstruction_settings.DDFConfig(), reconstruction_settings.PCSirenConfig()
 SECTIONS = {
     "ddf": dataclasses.replace(DDF, counts=dict.fromkeys(DDF.counts, 6), mask_size=8),
     "pcsiren": dataclasses.replace(PCSIREN, points=20, truth_points=20),
 }
+
+
+def _trial(model):
+    """One of SECTIONS, and the loss of its steps on random images, clouds and, any code being one, samples."""
+    training_loop.prepare(LOOP)
+    section, count, size, random = SECTIONS[model], TRAIN.batch_size, TRAIN.image_size, np.random.default_rng(0)
+    ids = [f"random{number}" for number in range(count)]
+    pixels = torch.from_numpy(random.integers(0, 256, (count, 4, size, size), dtype=np.uint8))
+    poses = torch.from_numpy(random.uniform((0.0, 0.43, 0.65), (2 * np.pi, 0.52, 0.95), (count, 3))).float()
+    clouds = list(random.uniform(-0.5, 0.5, (count, 200, 3)))
+    shapes = category_data.ShapeSet.of(ids, [transforms.Similarity(2.0)] * count, clouds)
+    memory = category_data.DeviceMemory(model_files.device())
+    images = memory.holds("images", category_data.ImageSet(ids, [0] * count, np.arange(count), pixels, poses))
+    if model == "ddf":
+        kept = (count, len(sample_types.KINDS) * 500, packing.RECORD)
+        records = torch.from_numpy(random.integers(-32767, 32767, kept, np.int16, endpoint=True))
+        samples = memory.holds("samples", category_data.SampleSet(records, sample_types.each(500)))
+        network = reconstruction_models.DDFModel(TRAIN, section.field)
+        loss = functools.partial(reconstruction_steps.ddf_step, network, images, shapes, samples, TRAIN, section)
+    else:
+        network, shapes = reconstruction_models.PCSirenModel(TRAIN), memory.holds("clouds", shapes)
+        loss = functools.partial(reconstruction_steps.pcsiren_step, network, images, shapes, TRAIN, section)
+    network.fit_cameras(images)
+    return network.to(model_files.device()).train(), loss
 
 
 @contextlib.contextmanager
@@ -44,7 +67,7 @@ def _placed(device):
 def _gradients(model, device):
     """Loss and gradients of the first step, float64, on the CPU."""
     with _placed(device):
-        network, loss, _ = gpu_check.trial(TRAIN, SECTIONS[model])
+        network, loss = _trial(model)
         value = loss(0)[0]
         value.backward()
         found = [p.grad.flatten().cpu().double() for p in network.parameters() if p.grad is not None]
@@ -62,7 +85,7 @@ def test_loss_and_gradients_are_those_of_the_cpu(model, device):
 def _trained(model, device, steps, folder, stop_at=None):
     """Weights after so many steps, written to a folder; a stopped training raises KeyboardInterrupt."""
     with _placed(device):
-        network, step_loss, _ = gpu_check.trial(TRAIN, SECTIONS[model])
+        network, step_loss = _trial(model)
 
         def loss(step):
             if step == stop_at:
