@@ -67,7 +67,7 @@ interface Entered {
 }
 
 /** Slab test in double precision (`rays.enter_box`); only rays that meet the box before `limit` (world units) are kept. */
-export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): Entered {
+export function enterBox(field: Field, rays: Rays, limit: Float64Array): Entered {
   const map = field.fieldFromWorld;
   const [[a, b, c], [d, e, f], [g, h, i]] = map.rotation;
   const { lower, upper } = field.record;
@@ -88,7 +88,7 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
     v[1] = d * s + e * t + f * u;
     v[2] = g * s + h * t + i * u;
     const [near, far] = span(p, v, lower, upper);
-    if (!(near <= far) || (limit !== null && near / map.scale >= limit[ray]!)) continue;
+    if (!(near <= far) || near / map.scale >= limit[ray]!) continue;
     index[kept] = ray;
     distances[kept] = exact ? 0 : near;
     for (let axis = 0; axis < 3; axis++) {
@@ -177,17 +177,18 @@ async function ask(
   signal?: AbortSignal,
 ): Promise<void> {
   const all = found.values.visibility;
-  const entered = enterBox(field, rays, all ? null : found.depth);
+  const entered = enterBox(field, rays, found.depth);
   const names = new Set<Output>(["visibility", "depth", ...outputs]);
   const answers = await field.engine.evaluate(entered.positions, entered.directions, [...names], signal);
   const { scale, rotation } = field.fieldFromWorld;
   found.evaluated += entered.index.length;
   entered.index.forEach((ray, at) => {
     const visibility = answers.visibility![at]!;
-    if (all) all[ray] = Math.max(all[ray]!, visibility);
     const depth = (answers.depth![at]! + entered.distances[at]!) / scale;
+    if (all && found.depth[ray] === Infinity) all[ray] = Math.max(all[ray]!, visibility);
     if (visibility < SEEN || depth >= found.depth[ray]!) return;
     found.depth[ray] = depth;
+    if (all) all[ray] = visibility;
     found.nearest[ray] = which;
     for (const name of outputs) {
       const [target, given] = [found.values[name]!, answers[name]!];

@@ -1,9 +1,9 @@
 """Several fields and where they stand, asked as one field: outputs, distances, and the cameras that look at them.
 
-Hard: visibility is the largest of the fields asked, at least 1/2 exactly where there is a depth; all else is of the
-nearest field that is visible, which alone is asked for it. Fields are asked in the order in which a ray enters their
-boxes, and not once it has met a surface before the next box. Soft ([DDF22] §4.1), with ξ_k, d_k what field k says of
-the oriented point in its own frame, depths in units of the scene,
+Hard: all is of the nearest field that is visible, which alone is asked for more than visibility and depth; where none
+is, visibility is the largest, below 1/2. Fields are asked in the order in which a ray enters their boxes, and not once
+it has met a surface before the next box. Soft ([DDF22] §4.1), with ξ_k, d_k what field k says of the oriented point in
+its own frame, depths in units of the scene,
 
   ξ = 1 - Π_k (1 - ξ_k),   a = softmax_k( ξ_k / (η_T (ε_s + d_k)) ),   d = Σ_k a_k d_k,
 
@@ -101,8 +101,10 @@ class SceneField:
         first = np.zeros(len(positions), int)
         for index, asked in _in_turn(self._entries(positions, directions), depth):
             seen, far = _meet(*self._member(index), positions[asked], directions[asked])
-            visibility[asked] = np.maximum(visibility[asked], seen)
             nearer = (seen >= framed_field.SEEN) & (far < depth[asked])
+            nothing = np.isinf(depth[asked])
+            visibility[asked[nothing]] = np.maximum(visibility[asked], seen)[nothing]
+            visibility[asked[nearer]] = seen[nearer]
             depth[asked[nearer]], first[asked[nearer]] = far[nearer], index
         met = np.flatnonzero(np.isfinite(depth))
         shares = ((index, rows, np.ones(len(rows))) for index, rows in _grouped(first, met))
