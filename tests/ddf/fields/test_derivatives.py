@@ -5,7 +5,6 @@ import torch
 from torch.nn import functional
 
 from ddf.fields import derivatives, pddf, siren
-from ddf.geometry import primitives, rays
 
 WIDTHS = (16, 16, 8)
 
@@ -120,32 +119,6 @@ def test_curvatures_equal_property_v_from_autograd(modulated, activation):
     assert (found.normals - n).abs().max() <= 1e-10
     assert (found.mean - mean).abs().max() <= 1e-8 * mean.abs().max()
     assert (found.gaussian - gaussian).abs().max() <= 1e-8 * gaussian.abs().max()
-
-
-@pytest.mark.parametrize("inside", [False, True])
-def test_property_v_on_exact_depth_has_the_signs_of_the_primitives(inside):
-    sphere = primitives.Sphere((0.1, -0.2, 0.3), 0.6)
-    centre = torch.tensor(sphere.centre, dtype=torch.float64)
-    spread = functional.normalize(_random(30, 3), dim=-1)
-    p = centre + (0.3 if inside else 2.0) * spread
-    v = functional.normalize(
-        spread + 0.2 * _random(30, 3, seed=5) if inside else -spread + 0.1 * _random(30, 3), dim=-1
-    )
-    points = rays.OrientedPoints(p, v)
-    start = p.clone().requires_grad_()
-    depth, _ = sphere.first(start, v)
-    assert bool(torch.isfinite(depth).all())
-    (gradient,) = torch.autograd.grad(depth.sum(), start, create_graph=True)
-    hessian = torch.stack([torch.autograd.grad(gradient[:, i].sum(), start, retain_graph=True)[0] for i in range(3)], 1)
-    n = primitives.cast(sphere, points).normals
-    t_1, t_2 = derivatives.tangent_basis(n)
-    slope = (n * v).sum(-1)
-    form = [[slope * torch.einsum("ni,nij,nj->n", a, hessian, b) for a in (t_1, t_2)] for b in (t_1, t_2)]
-    expected = primitives.curvatures(sphere, points)
-    torch.testing.assert_close(form[0][0] + form[1][1], expected.sum(-1), rtol=1e-8, atol=1e-8)
-    determinant = form[0][0] * form[1][1] - form[0][1] * form[1][0]
-    torch.testing.assert_close(determinant, expected.prod(-1), rtol=1e-8, atol=1e-8)
-    assert bool((expected.sum(-1) * (1 if inside else -1) > 0).all())
 
 
 def test_tangent_basis_is_orthonormal_and_finite_at_zero():

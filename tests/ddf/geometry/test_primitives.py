@@ -1,8 +1,5 @@
 """Closed-form DDFs: against a search along the ray, and against the identities of exact fields."""
 
-import math
-
-import _closed_form
 import pytest
 import torch
 from _shapes import random_rays
@@ -12,10 +9,8 @@ from ddf.geometry import primitives, rays
 
 NESTED = primitives.Union((primitives.Sphere(radius=0.9), primitives.Sphere(radius=0.4)))
 SHAPES = {
-    "plane": _closed_form.Plane((0.6, 0.8, 0.0), 0.2),
     "sphere": primitives.Sphere((0.1, -0.2, 0.05), 0.8),
     "box": primitives.Box((-0.9, -0.5, -0.7), (0.8, 0.6, 0.4)),
-    "torus": _closed_form.Torus(0.7, 0.3),
     "nested": NESTED,
     "pair": primitives.two_spheres(),
 }
@@ -23,16 +18,11 @@ SHAPES = {
 
 def _signed(shape: primitives.Primitive, x: torch.Tensor) -> list[torch.Tensor]:
     """One function per sheet that changes its sign there."""
-    if isinstance(shape, _closed_form.Plane):
-        return [x @ x.new_tensor(shape.normal) - shape.offset]
     if isinstance(shape, primitives.Sphere):
         return [(x - x.new_tensor(shape.centre)).norm(dim=-1) - shape.radius]
     if isinstance(shape, primitives.Box):
         lower, upper = x.new_tensor(shape.lower), x.new_tensor(shape.upper)
         return [torch.maximum(lower - x, x - upper).amax(-1)]
-    if isinstance(shape, _closed_form.Torus):
-        ring = torch.sqrt(x[..., 0] ** 2 + x[..., 2] ** 2) - shape.major
-        return [torch.sqrt(ring**2 + x[..., 1] ** 2) - shape.minor]
     assert isinstance(shape, primitives.Union)
     return [value for part in shape.parts for value in _signed(part, x)]
 
@@ -132,13 +122,3 @@ def test_curvatures_equal_property_v(name):
 
 def _random(seed: int) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
-
-
-def test_torus_quartic_holds_from_far_away_and_through_double_roots():
-    shape = _closed_form.Torus(0.7, 0.3)
-    start = torch.tensor([[1e4, 0.05, 0.1], [0.7, 5.0, 0.0], [0.0, 0.0, 0.0], [0.0, 4.0, 0.0]], dtype=torch.float64)
-    looking = torch.tensor([[-1.0, 0, 0], [0.0, -1, 0], [1.0, 0, 0], [0.0, -1, 0]], dtype=torch.float64)
-    depth = primitives.cast(shape, rays.OrientedPoints(start, looking)).depth
-    ring = math.sqrt((0.7 + math.sqrt(0.3**2 - 0.05**2)) ** 2 - 0.1**2)
-    expected = torch.tensor([1e4 - ring, 4.7, 0.4, torch.inf], dtype=torch.float64)
-    assert_close(depth, expected, atol=1e-8, rtol=0)

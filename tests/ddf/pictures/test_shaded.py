@@ -1,14 +1,14 @@
 """Shaded pictures of an exact ball: where it is, what its lamp sees, what its shadow covers, which rays are asked."""
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from _closed_form import ClosedForm
 
 from ddf.core import checks
 from ddf.fields import framed_field, scene_field
-from ddf.geometry import cameras, transforms
+from ddf.geometry import cameras, primitives, transforms
 from ddf.pictures import shaded
 
 RADIUS = 0.6
@@ -16,37 +16,13 @@ CAMERA = (30.0, 25.0)
 SIZE = 48
 MIDDLE = np.array([1.0, 2.0, 3.0])
 FRAME = transforms.Similarity(0.5, np.diag([-1.0, 1.0, -1.0]), MIDDLE)
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A ball at the centre of its box, in a frame turned and scaled against that of its mesh."""
-
-    field_from_mesh: transforms.Similarity = FRAME
-    outputs: tuple[str, ...] = ("visibility", "depth", "normals")
-
-    @property
-    def lower(self):
-        return MIDDLE - 1
-
-    @property
-    def upper(self):
-        return MIDDLE + 1
-
-    def evaluate(self, positions, directions, outputs):
-        offset = positions - MIDDLE
-        along = (offset * directions).sum(-1)
-        root = along**2 - (offset**2).sum(-1) + RADIUS**2
-        depth = -along - np.sqrt(np.maximum(root, 0))
-        depth = np.where(depth > 0, depth, -along + np.sqrt(np.maximum(root, 0)))
-        seen = ((root > 0) & (depth > 0)).astype(float)
-        normals = (offset + depth[:, None] * directions) / RADIUS
-        return {"visibility": seen, "depth": depth, "normals": normals}
+BALL = primitives.Sphere((1.0, 2.0, 3.0), RADIUS), MIDDLE - 1, MIDDLE + 1  # at the centre of its box
 
 
 @pytest.fixture(scope="module")
 def standing():
-    return shaded.stand(Ball())
+    """In a frame turned and scaled against that of its mesh."""
+    return shaded.stand(ClosedForm(*BALL, FRAME))
 
 
 @pytest.fixture(scope="module")
@@ -67,13 +43,12 @@ def test_the_ground_is_at_the_lowest_point(standing):
 
 
 def test_the_ground_is_under_the_box_where_rays_from_below_meet_nothing():
-    @dataclass(frozen=True)
-    class Nothing(Ball):
+    class Nothing(ClosedForm):
         def evaluate(self, positions, directions, outputs):
             found = super().evaluate(positions, directions, outputs)
             return found | {"visibility": np.zeros(len(positions))}
 
-    standing = shaded.stand(Nothing())
+    standing = shaded.stand(Nothing(*BALL, FRAME))
     assert standing.floor == pytest.approx(-1 / 0.5, rel=0.01)
     assert shaded.window(standing, [(0.0, 0.0, 1.0)]) == shaded.WHOLE
     assert (shaded.render(standing, (0.0, 0.0, 1.0), 8).picture == 255).all()
@@ -141,12 +116,11 @@ def test_paint_is_asked_for_on_the_surface_and_lit(standing, drawn):
 def test_occlusion_is_the_share_of_the_sky_that_is_hidden_by_the_cosine():
     """Where all ways with x > 0 end near, of mesh and field alike, (1 - n_x)/2 of the sky of a normal n is left."""
 
-    @dataclass(frozen=True)
-    class Half(Ball):
+    class Half(ClosedForm):
         def evaluate(self, positions, directions, outputs):
             return {"depth": np.full(len(positions), 0.01), "visibility": (directions[:, 0] > 0).astype(float)}
 
-    standing = shaded.Standing(Half(transforms.Similarity(0.5, np.eye(3), MIDDLE)), "y", 0.0)
+    standing = shaded.Standing(Half(*BALL, transforms.Similarity(0.5, np.eye(3), MIDDLE)), "y", 0.0)
     normals = np.random.default_rng(0).standard_normal((50, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     found = shaded._Light(standing, (0.0, 0.0, 1.0), shaded.WHOLE, 8, None, 400).open(np.zeros((50, 3)), normals)
