@@ -34,7 +34,7 @@ def step(dtype: torch.dtype) -> float:
 
 def assert_within(found: Any, expected: Any, allowed: Any) -> None:
     """|found - expected| <= allowed, a finite number or one for each entry; equal infinities agree, NaN never does."""
-    bound: Any = np.asarray(allowed, dtype=np.float64)
+    bound = np.asarray(allowed)
     assert np.isfinite(bound).all()
     assert_close(found, expected, atol=bound, rtol=0.0)
 

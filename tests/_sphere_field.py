@@ -16,20 +16,21 @@ SPREAD = dataclasses.replace(CONFIG, num_directions=64, spread=2.0)
 
 
 class Sphere(pddf.PDDF):
-    """Exact field of a sphere (hits from inside too) in the raw outputs of a PDDF."""
+    """Exact field of a sphere (hits from inside too) in the raw outputs of a PDDF; its radius may be the modulation."""
 
     def __init__(self):
         super().__init__(pddf.PDDFConfig((4,), 1.0, 1.0, "relu", 1.0))
         self.queries = 0
 
     def forward(self, positions, directions, modulations=None):
-        self.queries += positions.shape[0]
+        self.queries += positions[..., 0].numel()
+        radius = RADIUS if modulations is None else modulations[0].squeeze(-1)
         along = -(positions * directions).sum(-1)
         miss_sq = positions.square().sum(-1) - along.square()
-        half = (RADIUS**2 - miss_sq).clamp_min(0).sqrt()
-        outside = positions.norm(dim=-1) > RADIUS
+        half = (radius**2 - miss_sq).clamp_min(0).sqrt()
+        outside = positions.norm(dim=-1) > radius
         distance = torch.where(outside, along - half, along + half)
-        visible = (miss_sq < RADIUS**2) & (distance >= 0)
+        visible = (miss_sq < radius**2) & (distance >= 0)
         depth = torch.where(visible, distance, torch.ones_like(distance))
         logit = torch.where(visible, 20.0, -20.0)
         return torch.stack((depth, depth, torch.ones_like(depth), logit), dim=-1)

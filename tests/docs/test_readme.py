@@ -5,22 +5,17 @@ import subprocess
 from pathlib import Path
 
 import pytest
-import yaml
 
 from ddf.cli import frame
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-TARGETS = set(re.findall(r"(?m)^([a-z-]+):(?:.*)## ", (ROOT / "Makefile").read_text())) | {
-    f"stage-{name}" for name in yaml.safe_load((ROOT / "pipeline.yaml").read_text())
-}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_and_links_exist(page):
     text = page.read_text()
     assert set(re.findall(r"(?:^    |`)ddf ([a-z]+)\b", text, re.MULTILINE)) <= set(frame.COMMANDS)
-    assert set(re.findall(r"(?:^    |`)make ([a-z_-]+)\b", text, re.MULTILINE)) <= TARGETS
     links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if not link.startswith("http")]
     missing = [link for link in links if not (page.parent / link).exists()]
     made_by_a_run = [link for link in missing if link.startswith("reports/cpu/")]

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from _support import damage
 
 from ddf.core import storage
 
@@ -228,8 +229,7 @@ def test_damage_is_noticed_and_mended(workspace, pattern, how):
     good = path.read_bytes()
     tensors = storage.load_tensors(path)[0] if pattern.startswith("pointclouds") else {}
     if how == "flip":
-        middle = len(good) // 2
-        path.write_bytes(good[:middle] + bytes([good[middle] ^ 1]) + good[middle + 1 :])
+        damage(path, len(good) // 2)
     elif how == "truncate":
         path.write_bytes(good[: len(good) // 2])
     else:

@@ -128,6 +128,7 @@ def test_wrong_input_is_one_value_error(rabbit):
         (lambda: rabbit.query(good + np.nan, along), "positions must be finite"),
         (lambda: rabbit.query(good, along, ("colour",)), "outputs must be among .*; got colour"),
         (lambda: rabbit.render(0, 0, -1.0), "camera radius >= 0"),
+        (lambda: rabbit.render(elevation_deg=-91, size=8), r"elevation must be in -90\.\.90 degrees; got -91"),
         (lambda: rabbit.udf([[0.0, 1.0]]), "positions must be numbers of shape"),
         (lambda: ddf.compose([rabbit], []), "a scene needs fields and a transform for each; got 1, 0"),
         (lambda: ddf.compose([rabbit], [np.diag([1.0, 2.0, 1.0, 1.0])]), "this one shears or mirrors"),

@@ -7,10 +7,8 @@ from typing import get_args
 import pytest
 from _shapes import cube
 
-import ddf
 from ddf import cli
 from ddf.cli import frame, meshes
-from ddf.core import checks
 from ddf.data import mesh_config
 from ddf.fields import framed_field
 from ddf.fit import surfaces
@@ -49,14 +47,6 @@ def test_what_cannot_be_done_is_told_before_any_work(words, told, tmp_path, monk
     assert cli.main(words.split()) == 2
     assert told in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["cube.obj"]
-
-
-def test_a_camera_past_upright_is_refused(capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["render", "rabbit", "a.png", "--camera", "30,100"])
-    assert "the elevation must be in -90..90 degrees; got 100" in capsys.readouterr().err
-    with pytest.raises(checks.InputError, match=r"elevation must be in -90\.\.90 degrees; got -91"):
-        ddf.load("rabbit").render(elevation_deg=-91, size=8)
 
 
 def test_python_runs_the_package_as_the_command():

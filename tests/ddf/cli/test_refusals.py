@@ -9,6 +9,7 @@ import pytest
 from _support import damage
 from PIL import Image
 
+from ddf.core import shipped_models, storage
 from ddf.geometry import mesh_io
 
 SCENE = "objects: [{field: rabbit}]"
@@ -45,9 +46,11 @@ def _place(work, fitted):
     noise = np.random.default_rng(0).integers(1, 255, (60, 90, 3), dtype=np.uint8)
     Image.fromarray(noise).save(work / "noise.png")
     damage(shutil.copytree(fitted[0], work / "damaged") / "model.safetensors", -5)
+    storage.save_tensors(work / "other" / "model.safetensors", {"x": np.zeros(1)}, {"kind": "other"})
     return work
 
 
+SAMPLE = shipped_models.ROOT / "chair" / "sample_0.png"
 WHOLE = "must be a whole number, "
 NO_FIELD = "no such file or folder, and no field of that name; there are rabbit, "
 LINES = [
@@ -90,6 +93,8 @@ LINES = [
     ("render none out.png --turn 1", f"{WHOLE}2 to 360; got '1'"),
     ("render none out.png --output colour", "must be among visibility, depth, normals"),
     ("render none out.png", f"none: {NO_FIELD}"),
+    ("render rabit out.png", "(did you mean rabbit?)"),
+    ("render rabbit out.png --camera 30,100", "the elevation must be in -90..90 degrees; got 100"),
     ("scene scene.yaml out.jpg", "out.jpg: must end in one of .png, .webp, .npz"),
     ("scene scene.yaml out.png --output depth,normals", "pictures show one output"),
     ("scene scene.yaml out.png --output colour", "must be among"),
@@ -105,6 +110,10 @@ LINES = [
     ("view rabbit scene.yaml out.html", "scene.yaml: a scene file is shown alone"),
     ("view none.yaml out.html", "none.yaml"),
     ("export rabbit armchair out.onnx", "an ONNX file holds one model"),
+    ("export damaged out.onnx", "is damaged or not one of our files"),
+    ("export other out.onnx", "holds no DDF"),
+    ("export . out.onnx", "does not exist"),
+    ("export chair out.onnx --graph field", "--graph must be one of rays, encode for"),
     ("complete scan.npz chair out --fixed", "--fixed needs --pose"),
     ("complete scan.npz chair out --noise -1", "noise must be 0 or more"),
     ("complete scan.npz chair out -n 1", "n must be a whole number, 2 or more"),
@@ -113,13 +122,16 @@ LINES = [
     ("complete scan.npz chair out --pose shear.json", "shears or mirrors"),
     ("reconstruct noise.png chair out", "no object stands out from the background"),
     ("reconstruct none.png chair out", "no such image"),
+    ("reconstruct none.png chairs out", "(did you mean chair?)"),
     ("reconstruct headless.png chair out", "not a readable image"),
     ("reconstruct noise.png none out", "none: no such file or folder, and no reconstruction of that name; there are "),
+    (f"reconstruct {SAMPLE} other out", "holds no DDF model"),
     ("reconstruct noise.png noise.png chair out", "two images are called 'noise'"),
     ("generate none out", "no such file or folder, and no reconstruction of that name; there are chair"),
+    ("generate other out", "no shape VAE, image GAN or reconstruction model"),
     ("generate chair scene.yaml", "is a file; give a folder to write"),
     ("generate chair out --seed -1", f"{WHOLE}0 or more; got '-1'"),
-    ("models get nothing out", "no model is called 'nothing'; there are "),
+    ("models get nothing out", "no model is called 'nothing'; there are rabbit, rabbit-network, nested"),
     ("models get rabbit scene.yaml", "is a file; give a folder to write"),
     ("mesh none.obj out.ply", "no such file"),
     ("mesh field out.ply", "not a file"),

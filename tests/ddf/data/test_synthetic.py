@@ -10,34 +10,18 @@ from _support import assert_close
 from PIL import Image
 
 from ddf.data import shapenet
+from ddf.data.samples import draws
 from ddf.data.synthetic import assemble, render, write
-from ddf.geometry import cameras
+from ddf.geometry import cameras, mesh_io
 
 CATEGORIES = tuple(write.CATEGORIES)
 
 
-def _read_obj(path):
-    """Vertices and triangles, by a reader of our own that knows nothing but v, f and g."""
-    vertices, triangles = [], []
-    for line in path.read_text().splitlines():
-        kind, *words = line.split()
-        if kind == "v":
-            vertices.append([float(word) for word in words])
-        elif kind == "f":
-            triangles.append([int(word) - 1 for word in words])
-        else:
-            assert kind == "g"
-    return np.array(vertices), np.array(triangles)
-
-
-def _surface_points(vertices, triangles, count, random):
+def _surface_points(mesh, count, random):
     """Uniform points, plus all corners and the middles of all edges: the thinnest places."""
-    a, b, c = vertices[triangles].transpose(1, 0, 2)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    chosen = random.choice(len(triangles), count, p=areas / areas.sum())
-    weights = random.dirichlet([1, 1, 1], count)
-    inner = (weights[:, :, None] * vertices[triangles][chosen]).sum(axis=1)
-    return np.concatenate([inner, vertices[np.unique(triangles)], (a + b) / 2, (b + c) / 2, (c + a) / 2])
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    inner = draws.Surface.of(mesh).draw(count, random)[0]
+    return np.concatenate([inner, mesh.surface_vertices(), (a + b) / 2, (b + c) / 2, (c + a) / 2])
 
 
 def _digests(root):
@@ -51,11 +35,11 @@ def test_written_shape_has_the_v1_frame_and_lies_inside_every_mask(tmp_path, cat
     for index in range(2):
         files = write.write_shape(tmp_path, 7, category, index, 24)
         assert len(files) == 24 + 3
-        vertices, triangles = _read_obj(files[0])
-        lower, upper = vertices[np.unique(triangles)].min(axis=0), vertices[np.unique(triangles)].max(axis=0)
+        mesh = mesh_io.load(files[0])
+        lower, upper = mesh.box()
         assert_close(lower + upper, np.zeros(3), atol=3e-8)
         assert_close(np.linalg.norm(upper - lower), 1.0, atol=3e-8)
-        points = torch.from_numpy(_surface_points(vertices, triangles, 150_000, random)) * 0.57
+        points = torch.from_numpy(_surface_points(mesh, 150_000, random)) * 0.57
         poses = torch.from_numpy(shapenet.read_cameras(files[-1].parent))
         assert len(poses) == 24
         for view, pose in enumerate(cameras.degrees_to_radians(poses)):

@@ -1,7 +1,6 @@
 """Patches from mesh to file and back: what the folder holds, old kinds beside it, refusals in one line."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,31 +51,6 @@ def test_a_file_answers_as_what_was_written(fitted):
     beside[0, 3] = 5.0
     pair = ddf.compose([field, field], [np.eye(4), beside]).query([[5.0, 0, 9]], [[0, 0, -1.0]])
     assert pair["depth"] == pytest.approx(7, abs=1e-4)
-
-
-def test_every_command_on_a_field_takes_patches(fitted, tmp_path, capsys):
-    folder, out = fitted[0], tmp_path / "out"
-    np.savez(tmp_path / "rays.npz", positions=[[0.0, 0.0, 9.0]], directions=[[0.0, 0.0, -1.0]])
-    np.savez(tmp_path / "points.npz", positions=[[0.0, 5.0, 0.0]])
-    (tmp_path / "two.yaml").write_text(
-        f"objects:\n  - field: {folder}\n  - {{field: {folder}, translation: [6, 0, 0]}}\n"
-    )
-    for words in (
-        ["query", folder, "--rays", tmp_path / "rays.npz", "--out", f"{out}_q.npz"],
-        ["render", folder, f"{out}.png", "--size", 24],
-        ["points", folder, f"{out}.ply", "-n", 200],
-        ["udf", folder, "--points", tmp_path / "points.npz", "--out", f"{out}_u.npz"],
-        ["surface", folder, f"{out}_s.ply", "--method", "closed", "--resolution", 32],
-        ["scene", tmp_path / "two.yaml", f"{out}_two.npz", "--size", 48, "--output", "depth", "--camera", "90,0"],
-        ["view", folder, f"{out}.html"],
-    ):
-        assert cli.main([*map(str, words)]) == 0, capsys.readouterr().err
-    assert np.load(f"{out}_q.npz")["depth"] == pytest.approx(7, abs=1e-4)
-    assert np.abs(mesh_io.load_surface(f"{out}_s.ply").vertices).max() == pytest.approx(2, abs=0.2)
-    assert np.load(f"{out}_u.npz")["distances"] == pytest.approx(3, abs=0.02)
-    columns = np.isfinite(np.load(f"{out}_two.npz")["depth"]).any(axis=0)
-    assert np.abs(np.diff(columns.astype(int))).sum() == 4  # a gap between the two
-    assert len(Path(f"{out}.html").read_bytes()) > (folder / "model.safetensors").stat().st_size
 
 
 def test_the_same_mesh_gives_the_same_bytes(fitted, tmp_path):

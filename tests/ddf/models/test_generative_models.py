@@ -42,16 +42,6 @@ def test_divergence_has_its_closed_form_and_agrees_with_torch():
     assert_close(generative_models.divergence(mean, log_variance), wanted)
 
 
-def test_a_plain_field_is_the_decoder_at_a_latent():
-    decoder = _generative.vae().decoder.double()
-    latent = torch.linspace(-1, 1, 5).double()
-    positions, directions = (values.double() for values in _models.points(40))
-    plain = generative_models.plain_field(decoder, latent).double()
-    assert_close(plain(positions, directions), decoder.field(positions, directions, decoder.modulator(latent)))
-    apart = plain(positions, directions) - decoder.field(positions, directions)
-    assert float(apart.detach().abs().max()) > 1e-3
-
-
 def test_a_sample_opens_as_any_field_does(tmp_path):
     model = _generative.vae()
     plain = generative_models.plain_field(model.decoder, torch.ones(5))

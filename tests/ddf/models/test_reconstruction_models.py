@@ -10,12 +10,10 @@ import torchvision
 
 from ddf.core import storage
 from ddf.fields import model_files, pddf, rendering
-from ddf.geometry import cameras, rays, transforms
 from ddf.models import camera_encoder, encoders, reconstruction_models, reconstruction_settings
 from ddf.reconstruction import mask_descent
 
 SMALL_FIELD = pddf.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
-BALL_RADIUS = 0.7
 
 
 def _camera(*values):
@@ -93,18 +91,6 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
 
 
-def test_rendered_ball_has_the_analytic_silhouette():
-    camera, scale = torch.tensor([0.8, 0.45, 0.8]), torch.tensor(2.5)
-    images, queries = rendering.render(_models.BallField(), None, camera, scale, 137, ["visibility"])
-    radius = BALL_RADIUS * transforms.BENCHMARK_FROM_V1 / float(scale)
-    angle = math.asin(radius / 0.8)
-    directions = cameras.pixel_directions(137, torch.zeros(0))
-    expected = torch.acos((-directions[..., 2]).clamp(-1, 1)) < angle
-    assert (images["visibility"] > 0.5).ne(expected).float().mean() < 0.002
-    assert 0.2 * 137**2 < queries < 0.9 * 137**2
-    assert set(images) == {"visibility"}
-
-
 SOFT = _models.BallField(slope=4)  # its visibility is neither 0 nor 1 in float32
 
 
@@ -120,20 +106,6 @@ def test_mask_loss_is_that_of_the_rendered_visibility_with_rays_that_miss(radius
     alpha = torch.rand(1, 24, 24, generator=torch.Generator().manual_seed(0))
     found = reconstruction_models.mask_loss(SOFT, [], camera, scale, alpha)
     torch.testing.assert_close(found[0], _rendered_bce(camera, scale, alpha), rtol=1e-4, atol=1e-6)
-
-
-def test_the_mask_of_a_shape_off_centre_is_seen_where_it_lies():
-    """A ball at c in v1 is at 0 in the field: rays start at s x - s c, which `field_shift` adds."""
-    scale, shift = torch.tensor([2.5]), torch.tensor([[-0.3, 0.0, 0.2]])
-    camera, alpha = _camera(0.8, 0.45, 0.8), torch.rand(1, 16, 16, generator=torch.Generator().manual_seed(0))
-    found = reconstruction_models.mask_loss(SOFT, [], camera, scale, alpha, field_shift=shift)
-    directions = cameras.pixel_directions(16, torch.zeros(0)).reshape(-1, 3)
-    centre, world = cameras.pixel_rays(camera[0, 0], camera[0, 1], camera[0, 2], directions)
-    start = (centre * 2.5 / transforms.BENCHMARK_FROM_V1 + shift[0]).expand_as(world)
-    entry, _, meets = rays.enter_box(start, world, -torch.ones(3), torch.ones(3))
-    visible = torch.where(meets, torch.sigmoid(SOFT(entry, world)[..., 3]), 0.0)
-    expected = torch.nn.functional.binary_cross_entropy(visible, alpha.flatten())
-    torch.testing.assert_close(found[0], expected, rtol=1e-4, atol=1e-6)
 
 
 def test_mask_loss_of_random_pixels_is_unbiased_and_spends_only_them():

@@ -1,42 +1,19 @@
 import dataclasses
 
-import _models
 import _shapes
 import numpy as np
 import pytest
 import torch
+from _sphere_field import Sphere
 
 from ddf.data.batches import category_data
 from ddf.data.samples import sample_batch, sample_types
-from ddf.fields import pddf
 from ddf.geometry import raycast, transforms
 from ddf.models import reconstruction_settings
 from ddf.training import proposed_rays
 
 CONFIG = reconstruction_settings.ProposalConfig(20, 6)
 RADII = (0.4, 0.8)
-
-
-class _Spheres(pddf.PDDF):
-    """The true field of a sphere about the origin per shape, its radius as modulation."""
-
-    def __init__(self):
-        super().__init__(_models.FIELD)
-        self.asked = 0
-
-    def forward(self, positions, directions, modulations=None):
-        assert modulations is not None
-        self.asked += positions[..., 0].numel()
-        radius = modulations[0].squeeze(-1)
-        along, square = (positions * directions).sum(-1), positions.square().sum(-1)
-        root = along.square() - square + radius.square()
-        near, far = -along - root.clamp_min(0).sqrt(), -along + root.clamp_min(0).sqrt()
-        depth = torch.where(near > 0, near, far)
-        seen = (root > 0) & (depth > 0)
-        return torch.stack((depth, depth, depth, torch.where(seen, 50.0, -50.0)), dim=-1)
-
-    def depth(self, raw):
-        return raw[..., 0]
 
 
 def _stored(shapes):
@@ -57,20 +34,20 @@ def _proposer(settings=CONFIG):
 def _propose(settings=CONFIG, chosen=(1, 0, 1), seed=0, field=None):
     modulations = [torch.tensor([RADII[shape] for shape in chosen]).view(-1, 1, 1).requires_grad_()]
     random = np.random.default_rng(seed)
-    return _proposer(settings)(_stored(len(chosen)), field or _Spheres(), modulations, np.array(chosen), random)
+    return _proposer(settings)(_stored(len(chosen)), field or Sphere(), modulations, np.array(chosen), random)
 
 
 def test_truth_is_that_of_each_shape_and_only_the_candidates_are_asked_for():
-    field = _Spheres()
+    field = Sphere()
     batch = _propose(field=field)
-    assert field.asked == 3 * 20 * 6
+    assert field.queries == 3 * 20 * 6
     rows = batch.span("P", "P")
     assert batch.counts == {**dict.fromkeys(sample_types.ORDER, 1), "P": 20}
     assert (rows.start, rows.stop) == (7, 27)
     positions, directions = batch.positions[:, rows], batch.directions[:, rows]
     torch.testing.assert_close(directions.norm(dim=-1), torch.ones(3, 20))
     radius = torch.tensor([0.8, 0.4, 0.8]).view(3, 1, 1)
-    raw = _Spheres()(positions, directions, [radius])
+    raw = Sphere()(positions, directions, [radius])
     seen, clear = batch.visible[:, rows] > 0, _clearance(positions, directions, radius) > 0.01
     assert torch.equal(seen[clear], (raw[..., 3] > 0)[clear])
     torch.testing.assert_close(batch.depth[:, rows][seen & clear], raw[..., 0][seen & clear], atol=0.01, rtol=0)

@@ -8,6 +8,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
+from _support import damage
 from torch import nn
 
 from ddf.core import checks, storage
@@ -94,9 +95,7 @@ def test_checkpoint_of_another_fingerprint_or_damaged_is_not_resumed(tmp_path, c
     assert "made by another config, data or code; training starts afresh" in caplog.text
     assert (tmp_path / "a" / model_files.MODEL).read_bytes() == (tmp_path / "b" / model_files.MODEL).read_bytes()
     path = tmp_path / "a" / training_loop.CHECKPOINT
-    data = bytearray(path.read_bytes())
-    data[-1] ^= 1
-    path.write_bytes(data)
+    damage(path)
     _fit(tmp_path / "a")
     assert str(path) in caplog.text.splitlines()[-1]
     assert (tmp_path / "a" / model_files.MODEL).read_bytes() == (tmp_path / "b" / model_files.MODEL).read_bytes()

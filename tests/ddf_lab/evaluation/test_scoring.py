@@ -24,9 +24,8 @@ def experiment(tmp_path_factory):
 
 
 def _load(experiment, category="chair"):
-    folder = experiment.artifacts / "pointclouds" / category
-    models = [scoring.load_predictions(folder / f"{name}.safetensors") for name in ("ddf", "pcsiren")]
-    return (*models, scoring.load_truth(experiment.artifacts / "samples" / category))
+    models = _models(experiment, category)
+    return models["ddf"], models["pc_siren"], scoring.load_truth(experiment.artifacts / "samples" / category)
 
 
 def _models(experiment, category="chair"):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from _experiment_report import markdown_tables
 from _shapes import torus
 from _tiny_fits import SECTION
 
@@ -44,13 +45,6 @@ def fitted_shape(tmp_path_factory):
         yield folder
 
 
-def _rows(folder):
-    """Cells of every table row of the Markdown page."""
-    lines = (folder / "artifacts" / "tiny_fit" / "report" / "README.md").read_text().splitlines()
-    cells = [re.split(r"(?<!\\)\|", line.strip("|")) for line in lines if line.startswith("| ")]
-    return [[cell.strip().replace("**", "") for cell in row] for row in cells]
-
-
 def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
     folder = fitted_shape / "artifacts" / "tiny_fit"
     assert {path.name for path in (folder / "report").iterdir()} == _PAGE
@@ -59,7 +53,8 @@ def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
     table, record = storage.load_table(folder / "ablate_samples" / "ablate_samples.csv")
     assert len(table) == 7 * 2 * 6 * 2
     assert record["sources"].keys() == {"artifacts/tiny_fit/ablate_samples/ablation.json"}
-    rows, metrics = _rows(fitted_shape), storage.read_json(folder / "fit_shape" / "fit.json")
+    rows = [row for table in markdown_tables(text) for row in table]
+    metrics = storage.read_json(folder / "fit_shape" / "fit.json")
     held_out, number = metrics["held_out"], shape_page.number
     assert ["L1 × 10 of depth", "here", *(number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS")] in rows
     assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows

@@ -5,10 +5,8 @@ import json
 import _models
 import onnx
 import pytest
-from _support import damage
 
 from ddf.cli import models
-from ddf.core import storage
 from ddf.fields import field_outputs, model_files
 
 
@@ -48,24 +46,3 @@ def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, answer):
     assert json.loads(facts["box"]) == [[-1.0, -0.5, -0.8], [1.0, 0.5, 0.8]]
     assert json.loads(facts["transform"])["scale"] == 0.02
     assert json.loads(facts["config"])["hidden"] == [24, 16, 16]
-
-
-def _rename_kind(path):
-    tensors, record = storage.load_tensors(path)
-    storage.save_tensors(path, tensors, {**record, "kind": "other"})
-
-
-@pytest.mark.parametrize(
-    ("spoil", "arguments", "message"),
-    [
-        (lambda path: damage(path, -5), [], "is damaged or not one of our files"),
-        (_rename_kind, [], "holds no DDF"),
-        (lambda path: path.unlink(), [], "does not exist"),
-        (lambda path: None, ["--graph", "rays"], "--graph must be one of field, encoders for"),
-    ],
-)
-def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, folder, tmp_path, refusal):
-    out = tmp_path / "field.onnx"
-    spoil(folder / model_files.MODEL)
-    assert message in refusal("export", folder, out, *arguments)
-    assert not out.exists()

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 import ddf
-from ddf.core import shipped_models, storage
+from ddf.core import storage
 from ddf.fields import model_files
 from ddf.models import generative_models
 
@@ -44,14 +44,6 @@ def test_a_vae_has_shapes_alone(tmp_path, answer, shown):
     page = tmp_path / "samples.html"
     shown("view", *(tmp_path / "out" / name for name in found["samples"]), page)
     assert "<title>000, 001</title>" in page.read_text()
-
-
-def test_what_is_no_model_is_told_in_a_line(tmp_path, refusal):
-    storage.save_tensors(tmp_path / "model" / model_files.MODEL, {"x": np.zeros(1)}, {"kind": "pcsiren"})
-    line = refusal("generate", tmp_path / "model", tmp_path / "out")
-    assert "no shape VAE, image GAN or reconstruction model" in line
-    image = shipped_models.ROOT / "chair" / "sample_0.png"
-    assert "holds no DDF model" in refusal("reconstruct", image, tmp_path / "model", tmp_path / "out")
 
 
 def test_shapes_of_a_reconstruction_model_are_its_prior(tmp_path, answer):

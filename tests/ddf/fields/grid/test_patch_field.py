@@ -250,10 +250,8 @@ def test_curvatures_of_a_torus_are_those_of_its_closed_form():
     """-1/r along the tube's circle, -cos θ / (R + r cos θ) around the axis, which is positive on the inner half."""
     mesh, (major, minor) = torus(sections=256), (0.7, 0.3)
     positions, directions = random_rays(3000, 0.99)
-    truth, found = (
-        raycast.cast(mesh, rays.OrientedPoints(positions, directions)),
-        ask(field_of(mesh), positions, directions),
-    )
+    truth = raycast.cast(mesh, rays.OrientedPoints(positions, directions))
+    found = ask(field_of(mesh), positions, directions)
     grazing = np.abs((truth.normals * directions).sum(axis=1)) < 0.1
     seen = truth.visible & (found["visibility"] > 0) & ~grazing
     seen[seen] = np.abs(found["depth"][seen] - truth.depth[seen]) < 0.02

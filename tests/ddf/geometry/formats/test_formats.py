@@ -82,10 +82,6 @@ def test_unit_cube_is_read_whatever_the_file_looks_like(name):
     assert area_and_volume(mesh) == pytest.approx((6.0, 1.0))
 
 
-def _triangles_off(extra):
-    return ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" + extra).encode()
-
-
 def _chunk(tree):
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
@@ -122,7 +118,7 @@ REFUSED = {
     "count.glb": (_chunk({"asset": {"version": "2.0"}, "accessors": [{"count": 10**12}]}), "accessor entries"),
     "outside.glb": (_chunk({"asset": {"version": "2.0"}, "buffers": [OUTSIDE]}), "points outside"),
     "mesh.xyz": (b"0 0 0", "must end in"),
-    "extra.off": (_triangles_off("3 0 1 2\n"), "line 7: rows follow"),
+    "extra.off": (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 2\n", "line 7: rows follow"),
     "binary.off": (b"OFF BINARY\n" + bytes(40) + b"x", "zero byte|binary OFF"),
     "four.off": (b"4OFF\n" + OFF.encode(), "four or n"),
     "short_face.off": (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "line 6: the row of face 0 is too short"),
