@@ -5,6 +5,7 @@ import math
 
 import pytest
 from _hand_made import CLOUD, DDF, PCSIREN, POINTCLOUDS, TRAIN
+from _tiny_fits import TINY
 
 from ddf.core import checks
 from ddf.data import dataset, mesh_config
@@ -60,6 +61,16 @@ FIELD, LAYOUT = pddf.PDDFConfig((16, 12), 3.0, 1.0, "softplus", 100.0), siren.Si
             (mesh_config.MeshesConfig(), {name: value}, f"^{name} must be")
             for name, value in (("faces", 3), ("alpha", 0.0), ("alpha", 0.9), ("offset", 0.0), ("measure_points", 0))
         ),
+        (TINY, {"minutes": None, "steps": None}, "steps or minutes must be given"),
+        (TINY, {"minutes": 0.0}, "minutes must be > 0"),
+        (TINY, {"minutes": float("inf")}, "minutes must be finite"),
+        (TINY, {"samples": {"E": 1}}, "samples may give each of U, A, B, S, T, O"),
+        (TINY, {"minutes": float("nan")}, "minutes must be > 0"),
+        (TINY, {"steps": 0}, "steps must be >= 1"),
+        (TINY, {"batch": {"U": 1}}, "batch must give each of E, U, A, B, S, T, O"),
+        (TINY, {"batch": {**TINY.batch, "O+": 1}}, r"may give U\+, A\+, B\+, S\+, T\+ >= 1"),
+        (TINY, {"batch": {**TINY.batch, "S+": 0}}, r"may give U\+, A\+, B\+, S\+, T\+ >= 1"),
+        (TINY, {"epsilon_o": 2.0}, "epsilon_o must be < 1"),
         (DATASET, {"categories": {}}, "^categories must name"),
         (DATASET, {"categories": {"boat": 3}}, "boat"),
         (DATASET, {"categories": {"sofa": 3}}, "sofa"),

@@ -41,10 +41,12 @@ def test_rays_that_miss_the_box_are_background_and_cost_nothing():
 def test_depth_is_measured_from_the_camera():
     field, (camera, scale) = _field(), _camera()
     images, _ = rendering.render(field, None, camera, scale, 32, ["depth"])
-    entry, world, distance, meets = rendering.field_rays(
-        camera, scale, cameras.pixel_directions(32, camera).reshape(-1, 3)
-    )
+    directions = cameras.pixel_directions(32, camera).reshape(-1, 3)
+    entry, world, distance, meets = rendering.field_rays(camera, scale, directions)
     expected = field.depth(field(entry[meets], world[meets])) + distance[meets]
     torch.testing.assert_close(images["depth"].reshape(-1)[meets], expected)
     origin = cameras.position(camera[0], camera[1], camera[2]) * scale / transforms.BENCHMARK_FROM_V1
     torch.testing.assert_close(origin + distance[meets, None] * world[meets], entry[meets], rtol=0, atol=1e-5)
+    shift = torch.tensor([-0.3, 0.0, 0.2])  # of a shape off the origin of v1
+    entry, world, distance, meets = rendering.field_rays(camera, scale, directions, shift)
+    torch.testing.assert_close((origin + shift + distance[:, None] * world)[meets], entry[meets], rtol=0, atol=1e-5)
