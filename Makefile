@@ -54,9 +54,9 @@ stale: $(READY) ## the pages and benchmarks in reports/ that other code than tod
 	@$(RUN) -m ddf_lab.engine.publish
 
 ##@ Quality
-test: $(READY) ## lint and types, the smoke pipeline, the site and unit tests, two side by side; then the viewer's page
+test: $(READY) ## lint and types, the smoke pipeline, the site and unit tests, two side by side; then the viewer's page and JAX
 	@$(MAKE) -j2 --output-sync=target lint smoke site test-unit
-	@$(MAKE) test-browser
+	@$(MAKE) -j2 --output-sync=target test-browser test-jax
 test-fast: lint test-unit ## lint, types and unit tests
 test-unit: $(READY) ## the unit tests, each file by one process
 	@$(RUN) -m pytest -q -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
@@ -66,6 +66,9 @@ test-doors: $(READY) ## what pages say to type, in fresh environments of three P
 	@$(RUN) -m pytest -q -s -m slow tests/ddf/api/test_install.py -k "base $(EXTRAS:%=or %)"
 test-browser: $(READY) ## the page of `ddf view` in Chromium and Firefox (installed by apt-get as root; skipped where there is none)
 	@.ci/browsers >/dev/null && $(RUN) -m pytest -q -m browser tests/ddf/io
+test-jax: $(READY) ## the tests of `ddf.jax`, with JAX of requirements-jax.lock beside the environment
+	@uv pip install -q --python $(RUN) --target .make/jax --no-deps -r requirements-jax.lock
+	@PYTHONPATH=.make/jax $(RUN) -m pytest -q tests/ddf/test_jax.py
 viewer: ## the page's template of `ddf view` from viewer/src, with npm's packages; needs node
 	@cd viewer && npm install --silent && npm run --silent check && npm run --silent build
 test-gpu: $(READY) ## the tests marked gpu, on a machine that has one

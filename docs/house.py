@@ -22,6 +22,7 @@ ROOMS = {  # what a room holds
     "ddf.io": "model files, ONNX, the viewer's page",
     "ddf.api": "import ddf: load, fit, cast, ...",
     "ddf.torch": "rays with gradients, in a loop of one's own",
+    "ddf.jax": "the same as functions of JAX",
     "ddf.cli": "the command ddf: a function a command",
     "ddf.__main__": "python -m ddf",
     "ddf_lab.run": "what a stage is given: sections, folders, seed",

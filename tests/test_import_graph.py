@@ -20,6 +20,7 @@ ROOMS = (
     "ddf.io",
     "ddf.api",
     "ddf.torch",
+    "ddf.jax",
     "ddf.cli",
     "ddf.__main__",
     "ddf_lab.run",

@@ -25,6 +25,7 @@ from ddf_lab.run import Run, class_of
 
 LOCK = Path(".make/lock")  # one run at a time in a folder
 DRAW_SECONDS, LOG_SECONDS = 0.5, 60.0  # between two states of a progress bar, on a terminal and in a log
+PATIENCE = 30.0  # seconds until a process that goes on is told once more to end
 
 
 def run(
@@ -142,33 +143,44 @@ class _Work:
         self._descriptor = descriptor
         self._console = Console(sys.stderr)
         self._running: set[subprocess.Popen[bytes]] = set()
-        self._stopped = False
+        self._stopped, self._starting = False, threading.Lock()
 
     def run(self, item: graph.Item) -> bool:
         """Run one item, unless there is nothing to do; whether it succeeded."""
         known = stage.checksums(item)
         done = stage.note(item, known).fits()
         known.write()
-        if done or self._stopped:
-            return done
-        process = subprocess.Popen(
-            ["/bin/sh", "-c", f"exec {item.command}"],
-            env=self._environment,
-            pass_fds=(self._descriptor,),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-        )
+        with self._starting:
+            if done or self._stopped:
+                return done
+            process = subprocess.Popen(
+                ["/bin/sh", "-c", f"exec {item.command}"],
+                env=self._environment,
+                pass_fds=(self._descriptor,),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+            )
+            self._running.add(process)
         assert process.stdout is not None
-        self._running.add(process)
         self._console.relay(process.stdout.fileno())
         self._running.remove(process)
         return process.wait() == 0
 
     def stop(self) -> None:
-        """Tell what runs to end."""
-        self._stopped = True
-        for process in list(self._running):
+        """End what runs; nothing starts after it."""
+        with self._starting:
+            self._stopped = True
+        end(list(self._running))
+
+
+def end(running: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Tell processes to end until all have: Python loses a signal that comes while it clears an object away."""
+    while running := [process for process in running if process.poll() is None]:
+        for process in running:
             process.terminate()
+        patience = time.monotonic() + PATIENCE
+        while time.monotonic() < patience and any(process.poll() is None for process in running):
+            time.sleep(0.05)
 
 
 class Console:

@@ -3,6 +3,7 @@
 import io
 import os
 import signal
+import subprocess
 import threading
 from pathlib import Path
 from typing import Literal
@@ -69,6 +70,15 @@ def test_an_interrupt_stops_what_runs_and_starts_no_more():
     with pytest.raises(KeyboardInterrupt):
         runner.schedule(CHAIN, 1, start, ended.set)
     assert ended.is_set() and started == ["a@x"]
+
+
+def test_a_process_that_lost_the_signal_is_told_again(monkeypatch):
+    monkeypatch.setattr(runner, "PATIENCE", 0.1)
+    deaf = "n=0; trap 'n=$((n + 1)); [ $n -gt 1 ] && exit 7' TERM; echo; while :; do sleep 0.01; done"
+    with subprocess.Popen(["/bin/sh", "-c", deaf], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.readline() == b"\n"
+        runner.end([process])
+        assert process.returncode == 7
 
 
 @pytest.mark.parametrize(("together", "jobs"), [(2, 8), ("jobs", 2)])
