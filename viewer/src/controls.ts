@@ -9,8 +9,11 @@ const STEP = 0.04; // of a walk, in diagonals of the box
 const STRIDE = 0.6; // of the stick, in diagonals a second
 const TURN = 6; // degrees, of an arrow key
 
-export const HELP =
-  "Drag, or arrow keys: turn. Wheel, pinch, + and −: nearer and farther. Two fingers, right button: shift. W A S D, Q E: walk, also into the box. 1 to 7: what is shown. P: a slice, next of its kinds; comma and full stop: move it. R: back to the start.";
+/** What can be done. keys: of what can be shown. */
+export const help = (keys: string[]): string =>
+  "Drag, or arrow keys: turn. Wheel, pinch, + and −: nearer and farther. Two fingers, right button: shift. " +
+  `W A S D, Q E: walk, also into the box. ${keys[0]} to ${keys.at(-1)}: what is shown. ` +
+  "P: a slice, next of its kinds; comma and full stop: move it. R: back to the start.";
 
 /** The camera after a turn; elevations stay short of the poles' other side. */
 export function turned(camera: Camera, azimuth: number, elevation: number): Camera {

@@ -12,6 +12,8 @@ const AXES: [Vector, string, string][] = [
   [[0, 0, 1], "z", "#2f62d1"],
 ];
 const ARROW = 0.13; // of the scene's diagonal
+const STEP = 0.02; // of a number's arrows, about, of the diagonal
+const RIGHT = 0.7; // share of the picture from which on a name stands left of its object
 
 function drawn<K extends keyof SVGElementTagNameMap>(tag: K, attributes: Record<string, string>): SVGElementTagNameMap[K] {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -37,13 +39,26 @@ export class Gizmos {
     private readonly view: View,
   ) {
     overlay.append(this.picture);
+    this.panel.append(element("div", { class: "place", "aria-hidden": "true" }, ...["", ...AXES.map(([, label]) => label)].map((label) => element("span", {}, label))));
     this.all = view.world.fields.map((field) => this.handles(field));
     this.update();
+  }
+
+  /** Power of ten of a number's step. */
+  private get exponent(): number {
+    return Math.round(Math.log10(STEP * diagonal(this.view.stage)));
+  }
+
+  /** What an object is called: with its number where several are of one field. */
+  private called({ record }: Field): string {
+    const same = this.view.world.fields.filter((other) => other.record.name === record.name);
+    return same.length > 1 ? `${record.name} ${1 + same.findIndex((other) => other.record === record)}` : record.name;
   }
 
   /** Put the handles where the objects are seen, and their places into the numbers. */
   update(): void {
     const { camera, stage } = this.view;
+    const digits = Math.max(0, 1 - this.exponent);
     for (const { field, ring, name, arrows, numbers } of this.all) {
       const at = middle(field);
       const seen = project(at, camera, stage);
@@ -52,13 +67,15 @@ export class Gizmos {
       }
       if (!seen) continue;
       place(ring, { cx: seen[0], cy: seen[1] });
-      place(name, { x: seen[0], y: seen[1], dx: 0.02 });
+      place(name, { x: seen[0], y: seen[1], dx: seen[0] > RIGHT ? -0.02 : 0.02 });
+      name.setAttribute("text-anchor", seen[0] > RIGHT ? "end" : "start");
       for (const { axis, seen: line, held } of arrows) {
         const tip = project(add(at, scaled(axis, ARROW * diagonal(stage))), camera, stage) ?? seen;
         for (const part of [line, held]) place(part, { x1: seen[0], y1: seen[1], x2: tip[0], y2: tip[1] });
       }
       numbers.forEach((input, index) => {
-        if (document.activeElement !== input) input.value = field.record.world_from_mesh.translation[index]!.toFixed(2);
+        const at = Number(field.record.world_from_mesh.translation[index]!.toFixed(digits)) + 0; // without -0
+        if (document.activeElement !== input) input.value = at.toFixed(digits);
       });
     }
   }
@@ -70,7 +87,7 @@ export class Gizmos {
       held: drawn("line", { class: "handle" }),
     }));
     const [ring, name] = [drawn("circle", { class: "handle", r: "8" }), drawn("text", { class: "name" })];
-    name.textContent = field.record.name;
+    name.textContent = this.called(field);
     for (const { axis, seen, held } of arrows) {
       this.picture.append(seen, held);
       this.drag(held, (by) => along(axis, by, field, this.view));
@@ -79,12 +96,12 @@ export class Gizmos {
     this.picture.append(ring, name);
     this.drag(ring, (by) => this.inPlane(by, field));
     const numbers = AXES.map(([, label], index) => this.number(field, label, index));
-    this.panel.append(element("div", { class: "place" }, element("span", {}, field.record.name), ...numbers));
+    this.panel.append(element("div", { class: "place" }, element("span", {}, this.called(field)), ...numbers));
     return { field, ring, name, arrows, numbers };
   }
 
   private number(field: Field, label: string, index: number): HTMLInputElement {
-    const input = element("input", { type: "number", step: "0.05", "aria-label": `${field.record.name}, ${label}` });
+    const input = element("input", { type: "number", step: `${10 ** this.exponent}`, "aria-label": `${this.called(field)}, ${label}` });
     input.addEventListener("input", () => {
       if (!Number.isFinite(input.valueAsNumber)) return;
       field.record.world_from_mesh.translation[index] = input.valueAsNumber;

@@ -3,7 +3,7 @@
 import { asked, told, readPage, readWeights } from "./page.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud, ply } from "./cloud.ts";
-import { control, HELP, stick } from "./controls.ts";
+import { control, help, stick } from "./controls.ts";
 import { CpuEngine, kernels } from "./cpu.ts";
 import { Distances } from "./distances.ts";
 import type { Engine, Output } from "./engine.ts";
@@ -48,7 +48,6 @@ async function main(): Promise<void> {
   if (location.hash.length > 1) document.getElementById("first")?.remove(); // another picture may be asked for
   byId("title").textContent = page.title;
   byId("about").textContent = page.about;
-  byId("help").textContent = HELP;
   const stage: Stage = { corners: page.corners, up: page.up };
   const start: Angles = { azimuth: WISHES.azimuth ?? page.azimuth, elevation: WISHES.elevation ?? ELEVATION };
   const numbers = new Float32Array(await readWeights());
@@ -74,7 +73,9 @@ async function main(): Promise<void> {
   const engineNames = [...new Set(world.fields.map((field) => field.engine.name))].join(" and ");
   const canvas = byId("canvas") as HTMLCanvasElement;
   const view = new View(canvas, world, stage, wished(framed(stage, start)), distances, shown, (error) => fail(error.message));
-  const opening = (view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode);
+  const offered = MODES.filter((mode) => mode.outputs.every((name) => world.fields.every((field) => field.engine.outputs.includes(name))));
+  const opening = (view.mode = offered.find((mode) => mode.name === WISHES.mode) ?? view.mode);
+  byId("help").textContent = help(offered.map((mode) => mode.key));
   const sharp = (): number => Math.min(SHARPEST, Math.round(canvas.clientWidth * devicePixelRatio)) || view.full;
   let size = Math.round(WISHES.size ?? (slow ? view.full : SHARP));
   const sized = (): void => {
@@ -97,7 +98,6 @@ async function main(): Promise<void> {
 
   const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
   const cloud = new Cloud(view);
-  const offered = MODES.filter((mode) => mode.outputs.every((name) => world.fields.every((field) => field.engine.outputs.includes(name))));
   const modes = choices("Show", "modes", offered, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);
@@ -151,7 +151,8 @@ async function main(): Promise<void> {
   });
   document.body.addEventListener("keydown", (event) => {
     const plain = event.key.length === 1 && !event.ctrlKey && !event.metaKey && !event.altKey;
-    if (event.target === document.body && plain) frame.dispatchEvent(new KeyboardEvent("keydown", event)); // before a click
+    const target = event.target as Element;
+    if (plain && !frame.contains(target) && !target.matches("select, input[type=number]")) frame.dispatchEvent(new KeyboardEvent("keydown", event));
   });
 
   /** Numbers as `Field.render` of Python gives them, for scripts and tests. */

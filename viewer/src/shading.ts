@@ -77,7 +77,7 @@ export function picture(mode: Mode, rays: Rays, found: Answers, camera: Camera, 
   const top = axes(camera, stage.up)[1];
   const scalar = found.values[mode.name as Output];
   if (mode.name === "visibility") {
-    colour = (i) => (scalar![i]! > 0.004 ? mixed([255, 255, 255], DARK, scalar![i]!) : null);
+    colour = (i) => mixed([255, 255, 255], DARK, scalar![i]!);
     range = [0, 1];
   } else if (mode.name === "depth") {
     const [near, far] = known ?? (quantiles(found.depth, [0.01, 0.99]) as [number, number]);

@@ -3,7 +3,8 @@
 `poisson`: screened Poisson through hits with the field's normals. Smooth, and closed but where there are no hits; needs
 an outer side, so inner sheets and sheets seen from both sides confuse it.
 `closed`: what parallel looks from all sides leave (`carved_surface`): watertight, hollows full.
-`udf`: surface nets of the distances to the hits (`unsigned_surface`). Knows no sides: open and inner sheets stay.
+`udf`: surface nets of the distances to the hits (`unsigned_surface`). Open and inner sheets stay; `winding` gives each
+its outer side.
 
 A normal is what the field says along rays through the point. Evenly spread directions are tried, from outside the
 field's box. The answer whose hit comes nearest to the point gives the normal, of equal ones that which looks at the
@@ -19,7 +20,7 @@ from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
-from ddf.geometry import carved_surface, rays, transforms, unsigned_surface
+from ddf.geometry import carved_surface, rays, transforms, unsigned_surface, winding
 from ddf.geometry.mesh_io import Mesh
 
 DIRECTIONS = 32  # asked through a point
@@ -107,4 +108,4 @@ def extract(
         return unsigned_surface.poisson(points[found], normals[found])
     lower, upper = cloud.hits.min(axis=0), cloud.hits.max(axis=0)
     margin = _MARGIN * float(np.max(upper - lower))
-    return unsigned_surface.extract(cloud.distances, lower - margin, upper + margin, resolution)
+    return winding.told(unsigned_surface.extract(cloud.distances, lower - margin, upper + margin, resolution))

@@ -292,6 +292,10 @@ def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
     opened.page.keyboard.press("r")
     opened.still()
     assert opened.page.evaluate("ddf.view.camera") == start
+    opened.page.locator("input[value=depth]").click()
+    opened.page.keyboard.press("3")  # with the focus on a mode
+    opened.still()
+    assert opened.page.is_checked("input[value=normals]") and "1 to 5" in opened.page.inner_text("#help")
     opened.require_quiet()
 
 
@@ -315,7 +319,8 @@ LEAVING = {  # what a page may try, and the part of its policy that stops it
 
 
 def test_the_policy_of_the_page_stops_what_would_leave_it(either, ring):
-    opened = _open(either, ring / "policy.html", "size=16&mode=depth", views.page_of([ring]))
+    opened = _open(either, ring / "policy.html", "size=16&mode=weight_1", views.page_of([ring]))
+    assert opened.page.is_checked("input[value=shaded]")  # patches have no weights
     opened.require_quiet()
     for stopped, attempt in LEAVING.items():
         told = "addEventListener('securitypolicyviolation', each => done(each.effectiveDirective))"
