@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from ddf.data import shapenet
 from ddf.geometry import transforms
+from ddf.metrics import camera_errors
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.evaluation import scoring
 from ddf_lab.report import scores
@@ -17,15 +18,16 @@ from ddf_lab.report.stage_results import Results
 from ddf_lab.run import Run
 
 Image = tuple[str, int]  # id of the shape, view
-COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "DDF+image")
+COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "DDF+image cloud")
 EXAMPLES = 5  # of a category
-_ORDERED_BY = "Pi_g-L"  # the column whose D_C orders the images
+_ORDERED_BY = "Pi_pred-L"  # the column whose D_C orders the images and stands beside them, which show it
 Errors = Mapping[str, float]  # D_C x 1000 of an image, by method
 
 
-def words(errors: Errors) -> str:
+def words(errors: Errors, turned_deg: Errors) -> str:
     """As printed beside a picture."""
-    return "D_C × 1000: " + ", ".join(f"{scores.METHOD_LABELS[method]} {value:.3f}" for method, value in errors.items())
+    told = [f"{scores.METHOD_LABELS[name]} {error:.3f}, {turned_deg[name]:.0f}°" for name, error in errors.items()]
+    return f"D_C, azimuth off: {'; '.join(told)}"
 
 
 def drawn(run: Run, results: Results) -> Results:
@@ -50,13 +52,14 @@ def drawn(run: Run, results: Results) -> Results:
             picture = shapenet.read_image(shapenet.image_path(*renderings, *image), 137).permute(1, 2, 0).numpy()
             given = picture_strips.on_white(picture.astype(np.float64))
             cells = [given, *_cells(models, truths[image[0]].benchmark_points(), image, places[image])]
-            rows.append(picture_strips.StripRow(title[0].upper() + title[1:], [words(known[image])], cells))
+            told = words(known[image], {method: _turned_deg(model, image) for method, model in models.items()})
+            rows.append(picture_strips.StripRow(title[0].upper() + title[1:], [told], cells))
         strips[name] = picture_strips.strip(COLUMNS, rows)
     return dataclasses.replace(results, strips=strips, rendered=rendered)
 
 
 def image_errors(per_image: pd.DataFrame) -> dict[Image, Errors]:
-    """Of every image of a category, at the true camera, L points.
+    """Of every image of a category, at the predicted camera, L points.
 
     Args:
       per_image: rows of per_image.csv of one category.
@@ -75,6 +78,13 @@ def choose(errors: Mapping[Image, Errors], count: int) -> dict[Image, str]:
         image = ordered[round(percent / 100 * (len(ordered) - 1))]
         chosen[image] = names.get(percent, f"{percent:.0f} % of the errors of DDF")
     return chosen
+
+
+def _turned_deg(model: scoring.Predictions, image: Image) -> float:
+    """By how much the predicted azimuth is off."""
+    row = model.images.index(image)
+    guess, truth = (model.tensors[f"camera_{kind}"][row, :1] for kind in ("pred", "true"))
+    return float(camera_errors.angle_difference_deg(guess, truth)[0])
 
 
 def _cells(

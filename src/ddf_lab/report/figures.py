@@ -16,7 +16,11 @@ import pandas as pd
 from matplotlib import figure, ticker
 
 METHOD_COLOURS = {"ddf": "#1F5FA8", "pc_siren": "#D5702A", "ddf_image": "#2E7D4F"}
+_NAMES = {"ddf": "DDF", "pc_siren": "PC-SIREN", "ddf_image": "DDF+image"}
 _EQUAL = "#5E6673"  # of the line of equals
+_SHADES = matplotlib.colormaps["tab10"](range(10))  # of the terms of a loss
+_TOTAL = "#22262E"
+_DASHES = ("-", "--")  # of the first ten, of the others
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
 _PANELS_IN_LINE = 2
 _WIDTH = 5.6  # of every chart, inches
@@ -55,61 +59,58 @@ def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
     columns = min(len(scores), _PANELS_IN_LINE)
     lines = -(-len(scores) // columns)
     chart = figure.Figure(figsize=(_WIDTH, 2.6 * lines), layout="constrained")
-    panels = list(chart.subplots(lines, columns, sharey=True, squeeze=False).flat)
+    panels = list(chart.subplots(lines, columns, squeeze=False).flat)
     for empty in panels[len(scores) :]:
         empty.remove()
     for panel, (category, table) in zip(panels, scores.items(), strict=False):
         panel.plot([0, 100], [0, 100], lw=0.9, color=_EQUAL)
         for method in table.columns.drop("nearest"):
-            panel.plot(table["nearest"], table[method], "o", ms=4, alpha=0.8, color=METHOD_COLOURS[method], mew=0)
-        panel.set(title=category, xlim=(0, 102), ylim=(0, 102), aspect="equal", xlabel=across, ylabel=up)
+            dots = {"ms": 4, "alpha": 0.8, "mew": 0, "color": METHOD_COLOURS[method], "label": _NAMES[method]}
+            panel.plot(table["nearest"], table[method], "o", **dots)
+        least = 10 * np.floor(np.nanmin(table.to_numpy()) / 10 - 0.2)  # the dots, and no more, but square
+        panel.set(title=category, xlim=(least, 102), ylim=(least, 102), aspect="equal", xlabel=across, ylabel=up)
+    chart.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(_NAMES))
     return _svg(chart)
 
 
 @_styled
 def loss_curves(logs: Mapping[str, Mapping[str, pd.DataFrame]]) -> str:
-    """Training losses: a column per model, a line per category; the total in the model's colour, its terms thin.
+    """Training losses: a line of panels per model, one per category; the total thick and dark, its terms thin.
 
     Args:
       logs: model's name to category to log (columns `step`, `loss`, then terms, `seconds`).
     """
-    categories = list(next(iter(logs.values())))
-    chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 1.4), layout="constrained")
-    grid = chart.subplots(len(categories), len(logs), sharey="col", squeeze=False)
-    for panels, (model, tables) in zip(grid.T, logs.items(), strict=True):
-        colour = METHOD_COLOURS[{"DDF": "ddf", "PC-SIREN": "pc_siren"}.get(model, "ddf_image")]
+    chart = figure.Figure(figsize=(_WIDTH, 2.9 * len(logs)), layout="constrained")
+    for part, (model, tables) in zip(chart.subfigures(len(logs), squeeze=False).flat, logs.items(), strict=True):
+        panels = part.subplots(1, len(tables), sharex=True, sharey=True, squeeze=False)[0]
         for panel, (category, log) in zip(panels, tables.items(), strict=True):
-            _draw_losses(panel, log, colour)
-            panel.set_title(f"{model}, {category}")
-        panels[-1].set_xlabel("step")
-        panels[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.32), fontsize=8.5, handlelength=1.2, ncols=2)
-    for line in grid:
-        line[0].set_ylabel("loss")
+            _draw_losses(panel, log)
+            panel.set(title=category, xlabel="step")
+        panels[0].set_ylabel(f"loss of {model}")
+        handles = panels[0].get_legend_handles_labels()
+        part.legend(*handles, loc="outside lower center", fontsize=8.5, handlelength=1.2, ncols=3)
     return _svg(chart)
 
 
-def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
+def _draw_losses(panel: Any, log: pd.DataFrame) -> None:
     thin = log.iloc[:: max(1, -(-len(log) // _MAX_POINTS))]
     terms = [name for name in log.columns if name not in ("step", "loss", "seconds")]
-    shades = matplotlib.colormaps["tab20c"](np.linspace(0, 1, 20))[:, :3]
     lifted = 0.0  # of the total too, which may fall below 0 with them
     for i, name in enumerate(terms):
         values = thin[name].to_numpy(dtype=np.float64)
         if (values < 0).any():  # the normals' term is -|cosine|, in [-1, 0]; one more is an error again
             values, name, lifted = values + 1.0, f"{name} + 1", lifted + 1.0
-        shade = shades[(4 * i + i // 5) % 20]
-        panel.plot(
-            thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shade, label=name.replace("_", " ")
-        )
+        shown, label = np.where(values > 0, values, np.nan), name.replace("_", " ")
+        panel.plot(thin["step"], shown, lw=0.9, color=_SHADES[i % 10], ls=_DASHES[i // 10 % 2], label=label)
     window = max(1, len(log) // 40)
     total = log["loss"] + lifted
     smooth = total.rolling(window, min_periods=1, center=True).mean().iloc[thin.index]
-    panel.plot(thin["step"], total.iloc[thin.index], lw=0.5, alpha=0.35, color=colour)
-    panel.plot(thin["step"], smooth, lw=1.6, color=colour, label=f"total + {lifted:.0f}" if lifted else "total")
+    panel.plot(thin["step"], total.iloc[thin.index], lw=0.5, alpha=0.35, color=_TOTAL)
+    panel.plot(thin["step"], smooth, lw=1.8, color=_TOTAL, label=f"total + {lifted:.0f}" if lifted else "total")
     if (total > 0).all():
         panel.set_yscale("log")
         panel.yaxis.set_minor_formatter(ticker.NullFormatter())
-    panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
+    panel.xaxis.set_major_locator(ticker.MaxNLocator(2))
 
 
 def _svg(chart: figure.Figure) -> str:

@@ -72,11 +72,14 @@ def effects(results: Results, table: Table) -> Table:
                 cells += [best, Cell(by, claimed.get((category, label)) == best)]
             else:
                 cells += [scores.NOTHING] * 2
-        rows.append([category if column == LARGE[0] else "", scores.column_label(column), *cells, str(shapes)])
-    header = ["", "camera, points", *(t for label in _COMPARED.values() for t in (f"{label}: best", "by")), "shapes"]
+        camera = "true" if column == LARGE[0] else "predicted"
+        rows.append([category if camera == "true" else "", camera, *cells, str(shapes)])
+    header = ["", "camera", *(t for label in _COMPARED.values() for t in (f"{label}: best", "by")), "shapes"]
+    trainings = f"{results.seeds} training{'s' if results.seeds > 1 else ''}"
     caption = (
         f"By how much the best model is better than the next one, ± half the 95 % interval over test shapes and "
-        f"{results.seeds} training{'s' if results.seeds > 1 else ''} of each. Bold: claimed, see below."
+        f"{trainings} of each. Bold: claimed. D<sub>C</sub>: squared distance to the nearest point, both ways, × 1000. "
+        "F<sub>τ</sub>: share of points that are near, both ways, × 100."
     )
     return Table(caption, header, rows, labels=3)
 
@@ -223,8 +226,8 @@ def nearest_section(results: Results) -> Section:
     dots = Figure(
         "nearest.svg",
         "A dot is a test shape and a model. Across: F(τ) of the training shape nearest to it. Up: F(τ) of the model, "
-        "mean over its images. Green: DDF+image. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
-        "scores of both models over the score of the nearest training shape, a dot for each test shape, by category",
+        "mean over its images. True camera, L points.",
+        "scores of the models over the score of the nearest training shape, a dot for each test shape, by category",
         figures.score_dots(found, "nearest training shape, F(τ) × 100", "model, F(τ) × 100").encode(),
     )
     reading = (

@@ -35,15 +35,15 @@ def pictures_section(results: Results) -> Section:
     blocks: list[Block] = [
         Figure(
             f"strip_{category.replace(' ', '_')}.webp",
-            f"{category.capitalize()}.",
+            f"{category.capitalize()}, predicted camera: the picture, and what each model makes of it.",
             f"{category}: several test images and what the models make of them",
             strip,
         )
         for category, strip in results.strips.items()
     ]
     reading = (
-        f"Rows are chosen from {results.rendered} test images of each category by D<sub>C</sub> of DDF (true camera, "
-        "L points).",
+        f"Rows are chosen from {results.rendered} test images of each category by D<sub>C</sub> × 1000 of DDF "
+        "(predicted camera, L points), which stands over them. Where the azimuth is off, the cloud is turned.",
         "Predictions are seen from the predicted camera at the predicted scale, the truth from the true camera. "
         "Visibility: dark is seen. Depth: yellow is near. Normals: (n + 1)/2 as RGB. Clouds: colour is the place.",
     )
@@ -71,8 +71,8 @@ def training_section(results: Results) -> Section:
     """Loss curves and the wall time that each model got."""
     curves = Figure(
         "losses.svg",
-        "Total loss (thick, smoothed) and its terms without their weights. The models minimise different losses: "
-        "compare within one model only.",
+        "Total loss (thick, smoothed) and its terms without their weights. What may be below 0 is drawn higher by 1. "
+        "The models minimise different losses: compare within one model only.",
         "falling curves of the total loss and of its terms over the steps, by model and category",
         figures.loss_curves(results.logs).encode(),
     )

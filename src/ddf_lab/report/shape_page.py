@@ -157,7 +157,7 @@ def ablation_table(table: pd.DataFrame, metric: str, name: str) -> pages.Table:
 def _training_section(metrics: Mapping[str, Any], log: pd.DataFrame) -> pages.Section:
     picture = pages.Figure(
         "losses.svg",
-        "Total loss (thick, smoothed) and its terms without their weights.",
+        "Total loss (thick, smoothed) and its terms without their weights. What may be below 0 is drawn higher by 1.",
         "falling curves of the total loss and of its terms over the steps",
         figures.loss_curves({"DDF": {"one shape": log}}).encode(),
     )
