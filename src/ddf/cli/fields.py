@@ -28,6 +28,7 @@ def fit(
     minutes: Annotated[float | None, Arg("M", group="budget")] = None,
     steps: Annotated[int | None, Arg("N", group="budget")] = None,
     seed: Annotated[int | None, Arg("S")] = None,
+    up: arguments.Up = "y",
     force: bool = False,
 ) -> dict[str, Any]:
     """Fit a field to a mesh, with held-out errors and a picture beside the mesh, or to what a sensor saw.
@@ -45,6 +46,7 @@ def fit(
       out: gets model.safetensors, fit.json, of a mesh fit.png, of a network log.csv; a network's fit goes on there.
       config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
       seed: of sine: of samples, initial weights and batches.
+      up: axis of the mesh that points up; pictures and pages of the folder take it from fit.json.
       force: replace the field of another mesh in OUT_DIR.
 
     Examples:
@@ -78,7 +80,7 @@ def fit(
         loaded = mesh_io.load_surface(mesh)
         result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
         spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
-        return _inspected(out, loaded, result, spent, f"{result['seconds']:.1f} s, {spent}")
+        return _inspected(out, loaded, up, result, spent, f"{result['seconds']:.1f} s, {spent}")
     from ddf.api import field as fields
     from ddf.fit import fitting
 
@@ -94,7 +96,7 @@ def fit(
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
     after = f"{spent}{_few(result['steps'])}"
-    return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", after)
+    return _inspected(out, loaded, up, result, f"{spent}; more --minutes go on from there", after)
 
 
 def _few(steps: int) -> str:
@@ -135,7 +137,9 @@ def _of_rays(found: "posed_depth.Sensed", out: Path, result: dict[str, Any], spe
     }
 
 
-def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already: str, after: str) -> dict[str, Any]:
+def _inspected(
+    out: Path, mesh: "mesh_io.Mesh", up: arguments.Up, result: dict[str, Any], already: str, after: str
+) -> dict[str, Any]:
     """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
     from ddf.core import storage
     from ddf.fields import stored_fields
@@ -143,11 +147,12 @@ def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already:
 
     picture, looks = out / inspection.PICTURE, result.get("looks")
     verdict = f"{out}: fitted already, {already}" if result.pop("already") else f"field in {out} after {after}"
-    if looks is None or not picture.is_file():
+    if looks is None or not picture.is_file() or result.get("up") != up:
         field = stored_fields.load(out)
         truth = inspection.beside(field, mesh)
         looks = inspection.measure(field, truth)
-        storage.write_bytes(picture, results.encode([inspection.picture(field, truth)], picture.suffix))
+        storage.write_bytes(picture, results.encode([inspection.picture(field, truth, up)], picture.suffix))
+        result["up"] = up
         storage.write_json(out / fit_folder.METRICS, {**result, "looks": looks})
     return {
         **result,

@@ -41,7 +41,7 @@ def render(
     turn: Annotated[int | None, Arg("N", parse=arguments.whole_number(2, 360))] = None,
     bits: Literal[8, 16] = 8,
     ao: Annotated[int | None, Arg("N", parse=arguments.whole_number(1, 1024))] = None,
-    up: arguments.Up = "y",
+    up: arguments.Up | None = None,
 ) -> dict[str, Any]:
     """A picture, or the arrays, of what a camera sees of a field.
 
@@ -61,6 +61,7 @@ def render(
       turn: a shaded picture that moves: N around the field.
       bits: 16: a PNG of depth holds the numbers, depth = value x step, 0 where nothing is seen (default 8: colours).
       ao: of a shaded picture: ambient occlusion by so many rays, 32 say.
+      up: axis that points up (default: what `ddf fit --up` was told, else y).
 
     Examples:
       ddf render rabbit rabbit.png
@@ -75,6 +76,7 @@ def render(
         numbers = suffix not in results.PICTURES or bits == 16
         outputs = ("depth",) if numbers else (arguments.SHADED,)
     _require_holds(out, suffix, outputs, {"turn": turn, "ao": ao}, bits)
+    up = up or _up_of(field)
     if outputs == (arguments.SHADED,):
         return _shaded(field, out, camera, size, turn, ao or 0, up)
     from ddf.api import field as fields
@@ -98,6 +100,15 @@ def render(
     rows = [(name, *found.values()) for name, found in ranges.items()]
     table = results.grid(("output", "least", "largest", "unit"), rows)
     return {"output": ",".join(outputs), "range": ranges, "saved": size**2 - evaluated, **found, "table": table}
+
+
+def _up_of(field: Path) -> arguments.Up:
+    """What `ddf fit --up` was told."""
+    from ddf.core import storage
+    from ddf.fit import fit_folder
+
+    file = field / fit_folder.METRICS
+    return "z" if file.is_file() and storage.read_json(file).get("up") == "z" else "y"
 
 
 def _told(
@@ -204,7 +215,7 @@ def view(
     what: Annotated[list[Path], Arg("FIELD_or_SCENE_or_MODEL", parse=str, action=_Shown)],
     *,
     out: Annotated[Path | None, Arg(writes="file", undeclared=True)] = None,
-    up: arguments.Up = "y",
+    up: arguments.Up | None = None,
 ) -> dict[str, Any]:
     """A page that renders a field live, as one file that any browser opens.
 
@@ -214,7 +225,7 @@ def view(
       what: folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file; pictures stand
         before their model, which takes its own sample without; several fields stand side by side; last, OUT.html: file
         to write (without it a temporary one is written and opened in the browser).
-      up: axis of fields that points up.
+      up: axis of fields that points up (default: what `ddf fit --up` was told of the first one, else y).
 
     Examples:
       ddf view rabbit rabbit.html
@@ -226,7 +237,7 @@ def view(
     """
     from ddf.io import viewer_page
 
-    page = page_of(what, up)
+    page = page_of(what, up or _up_of(what[0]))
     path = out or Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
     size = viewer_page.write(path, page)
     opened = out is None and webbrowser.open(path.as_uri())

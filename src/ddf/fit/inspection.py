@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
+from PIL import Image, ImageDraw
 
 from ddf.fields import framed_field
 from ddf.geometry import mesh_io, raycast, rays, transforms
-from ddf.pictures import shaded
+from ddf.pictures import picture_strips, shaded
 
 
 @dataclass(frozen=True)
@@ -96,15 +97,17 @@ def measure(field: framed_field.FramedField, truth: MeshField) -> dict[str, floa
     }
 
 
-def picture(field: framed_field.FramedField, truth: MeshField) -> UInt8[np.ndarray, "h w 3"]:
-    """Field above, mesh below, by the same cameras and the same light."""
-    cameras = _cameras(field)
+def picture(field: framed_field.FramedField, truth: MeshField, up: str = "y") -> UInt8[np.ndarray, "h w 3"]:
+    """Field above, mesh below, by the same cameras and the same light; each row is named."""
+    cameras = _cameras(field, up)
     rows = []
-    standing = shaded.stand(truth)
+    standing = shaded.stand(truth, up)
     shown = [shaded.window(standing, [camera]) for camera in cameras]
-    for each in (shaded.Standing(field, standing.up, standing.floor), standing):
+    for name, each in (("field", shaded.Standing(field, up, standing.floor)), ("mesh", standing)):
         tiles = [shaded.render(each, camera, SIZE, part).picture for camera, part in zip(cameras, shown, strict=True)]
-        rows.append(np.concatenate(tiles, axis=1))
+        row = Image.fromarray(np.concatenate(tiles, axis=1))
+        ImageDraw.Draw(row).text((8, 6), name, fill=(90, 95, 105), font=picture_strips.font(18))
+        rows.append(np.asarray(row))
     return np.concatenate(rows, axis=0)
 
 
@@ -113,8 +116,8 @@ def verdicts(values: dict[str, float]) -> list[tuple[str, float, str, str]]:
     return [(each.words, values[name], each.unit, each.verdict(values[name])) for name, each in MEASURES.items()]
 
 
-def _cameras(field: framed_field.FramedField) -> list[tuple[float, float, float]]:
-    return [(*angles, framed_field.framing_radius(field, *angles)) for angles in VIEWS]
+def _cameras(field: framed_field.FramedField, up: str = "y") -> list[tuple[float, float, float]]:
+    return [(*angles, framed_field.framing_radius(field, *angles, up)) for angles in VIEWS]
 
 
 def _seen(

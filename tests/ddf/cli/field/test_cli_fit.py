@@ -4,6 +4,7 @@ import json
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from _tiny_fits import SECTION
@@ -36,6 +37,17 @@ def test_a_finished_fit_is_not_measured_again(tmp_path, shown, monkeypatch):
         said.append(shown("fit", tmp_path / "tetrahedron.obj", tmp_path / "twice", "--tolerance", "0.01"))
         monkeypatch.setattr(inspection, "measure", None)
     assert said[0][:-1] == said[1][:-1] and "fitted already" in said[1][-1]
+
+
+def test_pictures_have_up_what_the_fit_was_told(tmp_path, shown):
+    (tmp_path / "tetrahedron.obj").write_text(f"{CORNERS}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    shown("fit", tmp_path / "tetrahedron.obj", tmp_path / "told", "--tolerance", "0.01", "--up", "z")
+    depths = []
+    for up in ((), ("--up", "z"), ("--up", "y")):
+        shown("render", tmp_path / "told", tmp_path / "depth.npz", "--size", 16, *up)
+        with np.load(tmp_path / "depth.npz") as file:
+            depths.append(file["depth"])
+    assert np.array_equal(depths[0], depths[1]) and not np.array_equal(depths[0], depths[2])
 
 
 def test_minutes_take_about_that_long_and_few_steps_are_said(work, shown):
