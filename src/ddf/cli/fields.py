@@ -230,6 +230,8 @@ def points(
     from ddf.core import storage
     from ddf.geometry import mesh_io
 
+    if out.suffix.lower() != ".ply":
+        raise errors.InputError(f"{out}: must end in .ply")
     shape = fields.load(field)
     started = time.monotonic()
     found, normals = shape.points(points, seed, normals=True)
@@ -245,7 +247,7 @@ def points(
         "without_normal": unknown,
         "seconds": round(seconds, 4),
         "table": {"lower corner": found.min(axis=0), "upper corner": found.max(axis=0), "seconds": seconds},
-        "verdict": f"{len(found):,} points {words} in {out}",
+        "verdict": f"{len(found):,} point{'s' * (len(found) != 1)} {words} in {out}",
     }
 
 

@@ -215,6 +215,7 @@ def compare(
     diagonal, other = (float(np.linalg.norm(np.ptp(points, axis=0))) for points in (true_points, pred_points))
     compared = meshes.compare(pred_points, true_points, tau_sq, relative).to_dict()
     units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
+    units |= {"chamfer_l2_sq": "share of the truth's squared diagonal"} if relative else {}
     length = "of the box's diagonal" if relative else "units"
     verdict = f"F-score {compared['f_score_tau']:.1%} within {tau_sq**0.5:.4g} {length}: "
     verdict += f"{pred_is} of {pred.name} against {truth_is} of {truth.name}"

@@ -370,5 +370,5 @@ def export(
             [(output, entry["max_abs"], entry["tolerance"]) for output, entry in parity.items()],
         ),
         "verdict": f"{out}: graph {name}, opset {onnx_file.OPSET}, {rows[0].bytes:,} bytes; "
-        f"onnxruntime and torch differ most in {worst}, by {results.cell(parity[worst]['max_abs'])}",
+        f"run by onnxruntime and by torch it differs most in {worst}, by {results.cell(parity[worst]['max_abs'])}",
     }

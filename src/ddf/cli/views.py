@@ -54,7 +54,9 @@ def render(
     | `.npz`, `.exr` | the arrays of all outputs that `--output` names; in EXR float32 channels |
 
     Shadows are asked of the field. Most pixels take two rays at most; outlines, creases and edges of shadows up to 20.
-    `--ao N` adds N to each sample on the object.
+    `--ao N` adds N to each sample on the object. `evaluated`: rays asked; `saved`: those of all samples less these.
+    Without a distance a shaded picture frames the object and its shadow (`window`: left, top, side, of the camera's
+    frame); with `--camera 35,25,0.7` it has the camera's frame, as outputs have.
 
     Args:
       out: .png, .webp, .npz, .exr: a picture of one output, or the numbers of several (npz, exr).
@@ -72,6 +74,8 @@ def render(
       ddf render rabbit depth16.png --bits 16
     """
     suffix = out.suffix.lower()
+    if (camera[2] or 0) < 0:
+        raise errors.InputError(f"--camera: the distance must be 0 or more; got {camera[2]:g}")
     if outputs is None:
         numbers = suffix not in results.PICTURES or bits == 16
         outputs = ("depth",) if numbers else (arguments.SHADED,)
@@ -83,6 +87,9 @@ def render(
     from ddf.fields import framed_field
 
     shape = fields.load(field).framed
+    if lacking := ", ".join(name for name in outputs if name not in shape.outputs):
+        components = "patches have one component, networks two: weight_1, normals_1, normals_2"
+        raise errors.InputError(f"{field}: has no {lacking} ({components}); it has {', '.join(shape.outputs)}")
     azimuth, elevation, radius = camera
     if radius is None:
         radius = framed_field.framing_radius(shape, azimuth, elevation, up)
@@ -116,6 +123,7 @@ def _told(
 ) -> dict[str, Any]:
     """What is said of pictures of a field; `seen`: the share of pixels."""
     azimuth, elevation, radius = camera
+    hint = "" if seen else "; NOTHING is seen: give another --camera, or none"
     return {
         "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": radius},
         "pixels": pixels,
@@ -123,7 +131,7 @@ def _told(
         "seen": round(seen * pixels),
         "seconds": round(seconds, 4),
         "verdict": f"{out}: {size} pixels, {seen:.0%} of them see the object from {azimuth:g},{elevation:g},"
-        f"{radius:.3g}; {evaluated:,} rays in {seconds:.2f} s",
+        f"{radius:.6g}; {evaluated:,} rays in {seconds:.2f} s{hint}",
     }
 
 
@@ -167,8 +175,11 @@ def _shaded(
     pixels, seen = len(frames) * size**2, float(np.mean([frame.seen for frame in frames]))
     told = f"{len(frames)} x {size} x {size}" if turn else f"{size} x {size}"
     found = _told(out, told, (azimuth, elevation, far), pixels, seen, shape.queries, seconds)
-    saved = (2 + ao) * shaded.MOST_SAMPLES * pixels - shape.queries
-    return {"output": arguments.SHADED, "frames": len(frames), "saved": saved, **found}
+    saved = max(0, (2 + ao) * shaded.MOST_SAMPLES * pixels - shape.queries)
+    own = "the camera's own frame"
+    around = f"around the object and its shadow; --camera {azimuth:g},{elevation:g},{far:.6g} gives {own}"
+    table = {"picture": own if shown == shaded.WHOLE else around, "rays asked": shape.queries, "rays saved": saved}
+    return {"output": arguments.SHADED, "frames": len(frames), "window": shown, "saved": saved, **found, "table": table}
 
 
 def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ddf.core import provenance, storage
+from ddf.core import checks, provenance, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_file, framed_field
 from ddf.fields.grid import octree, patch_field
@@ -84,7 +84,7 @@ def fit_rays(
     """
 
     def make() -> _Made:
-        surface, split, facts = fused(scan, sensed)
+        surface, split, facts = fused(scan, sensed, "".join(f"{name}: " for name in source or ()))
 
         def errors(field: patch_field.PatchField) -> dict[str, Any]:
             return {"held_out": split.errors(field), **facts}
@@ -107,10 +107,14 @@ class Split:
         return ray_errors(field, self.left, self.off)
 
 
-def fused(scan: scans.Scan, sensed: bool = True) -> tuple[fused_rays.Fused, Split, dict[str, float]]:
-    """The surface that `HELD_OUT` less of the rays have in common, both parts, and what `fit_rays` tells of them."""
+def fused(scan: scans.Scan, sensed: bool = True, whose: str = "") -> tuple[fused_rays.Fused, Split, dict[str, float]]:
+    """The surface that `HELD_OUT` less of the rays share, both parts, what `fit_rays` tells; `whose` begins errors."""
     kept = np.random.default_rng(0).random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
-    found = fused_rays.fuse(scan.some(kept), sensed)
+    try:
+        found = fused_rays.fuse(scan.some(kept), sensed)
+    except checks.InputError as error:
+        few = f"{scan.hit.sum():,} points: too few, too far apart, or of several frames"
+        raise checks.InputError(f"{whose}{few}; {fused_rays.FEWEST} that lie near others are needed") from error
     facts = {"noise": found.noise, "seen": float(found.passed.mean())}
     LOGGER.info(
         "cells of %.3g, hits %.2g off the surface (deviation); rays passed %.0f%% of the space around",

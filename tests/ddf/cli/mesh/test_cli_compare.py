@@ -43,6 +43,7 @@ def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(
     assert shown("compare", large["truth"], clouds["truth"])[-1].endswith(
         "1,000 times the truth's: are its units others?"
     )
+    assert "share of the truth's squared diagonal" in shown("compare", *clouds.values(), "--relative")[1]
     assert "others" not in shown("compare", clouds["truth"], clouds["truth"])[-1]
 
 
