@@ -120,7 +120,7 @@ def _picture_outputs(text: str) -> tuple[str, ...]:
     return (SHADED,) if text == SHADED else outputs(text)
 
 
-_OUTPUTS = f"some of {','.join(field_outputs.OUTPUTS)}"
+_OUTPUTS = f"some of {', '.join(field_outputs.OUTPUTS)}"
 _FIELD = "folder that `ddf fit` wrote, its model.safetensors, its ONNX file, or a name that `ddf models` lists"
 _CAMERA = (
     "azimuth and elevation in degrees, and the distance from the box's centre with 0.57 for one diagonal of the box; "
