@@ -50,7 +50,7 @@ train: $(READY) ## the trainings and what they need, JOBS=4 side by side, each b
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)
 publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where git keeps it
 	@$(RUN) -m ddf_lab.engine.publish "$$CONFIG"
-stale: $(READY) ## the pages and benchmarks in reports/ that other code than today's made
+stale: $(READY) ## the pages and benchmarks in reports/ that other code than today's made; pages say so in their first lines
 	@$(RUN) -m ddf_lab.engine.publish
 
 ##@ Quality

@@ -96,7 +96,7 @@ def write_fields(name: str, summary: str, fitted: Path, out: Path) -> list[dict[
     ]
     jumps = "Nothing is learned; curvature jumps between patches."
     blurred = "Depths are blurred at occlusion edges; curvature is rough near sharp edges."
-    kept = f"{len(patches.tree.codes):,} patches within {patches.tolerance:g} of half the longest side of the mesh."
+    kept = f"{len(patches.tree.codes):,} patches; wanted: {patches.tolerance:g} of half the longest side from the mesh."
     errors = fitting.held_out_errors(network.field, samples), held_out.errors(held_out.of_framed(patches), samples)
     return [
         _field_card(out / name, summary, mesh, [kept], errors[1], patches, jumps),

@@ -214,7 +214,7 @@ def fit(
       minutes: of sine: wall time of sampling and training, which the schedule follows; 2 if nothing is said.
       steps: of sine: number of steps instead, the reproducible way.
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
-      tolerance: of patches: largest distance from the mesh, of half its longest side; 3e-4 if nothing is said, more of
+      tolerance: of patches: wanted distance to the mesh, of half its longest side; 3e-4 if nothing is said, more of
         noisy rays.
       rays: in place of a mesh: a scan, such as `depth_camera` gives, or a path as of `ddf fit`. `Field.seen` of patches
         says what they saw.

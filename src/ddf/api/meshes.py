@@ -14,7 +14,7 @@ from ddf.metrics import cloud_scores
 
 
 def read_mesh(path: str | Path) -> Mesh:
-    r"""A triangle mesh from an OBJ, PLY, STL, OFF or GLB file.
+    r"""A triangle mesh from an OBJ, PLY, STL, OFF, GLB, glTF, DAE, 3MF or AC3D file.
 
     Returns:
       `.vertices` (n, 3) float64, untouched, and `.faces` (m, 3), indices into them; polygons are cut into triangles.
@@ -48,7 +48,7 @@ def as_mesh(mesh: Any) -> Mesh:
 
 
 def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays.RayHits[np.ndarray]:
-    """What rays meet first on a mesh, exactly. Needs Open3D.
+    """What rays meet first on a mesh, exactly.
 
     Args:
       mesh: what `read_mesh` gives, a path, or anything with `vertices` and `faces`.

@@ -27,7 +27,7 @@ def depth_camera(
     """What a depth camera measures, one ray a pixel, row by row.
 
     Args:
-      scene: a field, a `Scene`, or a mesh as of `cast`, which needs Open3D.
+      scene: a field, a `Scene`, or a mesh as of `cast`.
       poses: (4, 4) or (k, 4, 4), camera to scene: it looks along its Z, X to the right, Y down. None: one that sees
         the whole box of the scene.
       size: pixels, (height, width) or both. intrinsics: (3, 3) in pixels, None for a field of view of 50 degrees.

@@ -38,7 +38,7 @@ def fit(
 
     | `--kind` | the field | needs |
     | --- | --- | --- |
-    | `patches`, the default | small planes and paraboloids in an octree, `--tolerance` from the mesh | seconds |
+    | `patches`, the default | small planes and paraboloids in an octree, about `--tolerance` from the mesh | seconds |
     | `sine` | the network; of rays, wrong where none went (bench `from_depth`) | `--minutes`, `--steps`: imply it |
 
     Args:

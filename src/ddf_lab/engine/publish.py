@@ -2,8 +2,8 @@
 
 Without CONFIG (`make stale`) pages and benchmarks there are listed that other code than today's made: a page keeps in
 `code.json` a hash of code and settings of every stage behind it, a benchmark's file one of the code of each row. Words
-alone change none. What keeps none is older than this. The first line of a page tells what is older than today's. One
-whose pictures show fields that come with the package says by `inputs.json` which ones.
+alone change none. What keeps none is older than this. The first line of a listed page then says so too. One whose
+pictures show fields that come with the package says by `inputs.json` which ones.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from ddf_lab.engine import graph, stage
 from ddf_lab.evaluation import seeds
 from ddf_lab.run import Run
 
-CODE, INPUTS = "code.json", "inputs.json"
+CODE, INPUTS, STALE = "code.json", "inputs.json", "Stale, of older code or settings: "
 REPORTS, BENCH = Path("reports"), Path("bench")
 
 
@@ -31,12 +31,18 @@ def publish(run: Run) -> Path:
     shutil.copytree(page, out)
     fits = of_page(run, made=True)
     storage.write_json(out / CODE, fits)
-    if old := [name for name in of_page(run) if name not in fits]:
-        text = (out / "README.md").read_text(encoding="utf-8")
-        storage.write_text(out / "README.md", f"Stale, of older code or settings: {', '.join(old)}.\n\n{text}")
+    _say(out / "README.md", [name for name in of_page(run) if name not in fits])
     if "figures" in run.given:
         storage.write_json(out / INPUTS, shipped("field"))
     return out
+
+
+def _say(page: Path, old: list[str]) -> None:
+    """In the first line of a page, which stages behind it are of older code; nothing where none is."""
+    text = page.read_text(encoding="utf-8")
+    bare = text.partition("\n\n")[2] if text.startswith(STALE) else text
+    if (told := f"{STALE}{', '.join(old)}.\n\n{bare}" if old else bare) != text:
+        storage.write_text(page, told)
 
 
 def shipped(kind: str) -> dict[str, str]:
@@ -75,6 +81,7 @@ def listed() -> list[str]:
             told = storage.read_json(kept) if (kept := page.with_name(CODE)).is_file() else {}
             today = of_page(Run.read(page.parent.name))
             found[page.parent] = [name for name, own in today.items() if told.get(name) != own]
+            _say(page, found[page.parent])
     for file in sorted(REPORTS.glob("bench/*.json")):
         code, rows = of_bench(next(BENCH.rglob(f"{file.stem}.py"))), storage.read_json(file)["rows"]
         found[file] = [f"{old} of {len(rows)} rows"] if (old := sum(row.get("code") != code for row in rows)) else []

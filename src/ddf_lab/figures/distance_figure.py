@@ -87,8 +87,8 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         picture_strips.strip(("UDF", "exact UDF", "v*", "exact v*"), strip),
     )
     table = pages.Table(
-        f"|UDF - exact| over {POINTS:,} uniform points of the box, and over as many within {NEAR} of the surface"
-        " (near). v*: median angle, and share turned by more. queries: per point; once: per field.",
+        f"|UDF - exact| at those of {POINTS:,} points, of the box or within {NEAR} of the surface (near), that find"
+        " one. v*: median angle, and share turned by more. queries: per point; once: per field.",
         ["shape", "way", "mean", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"],
         rows,
         labels=2,

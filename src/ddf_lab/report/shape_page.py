@@ -50,7 +50,7 @@ def write(run: Run, fit: fit_settings.FitConfig) -> None:
     )
     about = (
         f"Experiment `{run.name}`: one directed distance field for one shape, {shape}.",
-        f"Made by `make fit-shape CONFIG=configs/{run.name}.yaml`. Numbers are in [fit.csv](fit.csv) and "
+        f"Made by `make fit-shape CONFIG={run.name}`. Numbers are in [fit.csv](fit.csv) and "
         "[ablate_samples.csv](ablate_samples.csv).",
         "One seed, one shape, and not the paper's: `ddf config show paper_fit` has its sizes, losses and steps; `fit` "
         "has a small fraction of them.",

@@ -59,6 +59,7 @@ def test_what_changed_before_stands_in_the_first_line_and_what_changes_later_is_
     assert publish.listed() == []
     storage.write_text(Path(file), text)
     assert publish.listed() == ([f"reports/own: {', '.join(old)}"] if old and made_of else [])
+    assert Path("reports/own/README.md").read_text().startswith(publish.STALE) == bool(old and made_of)
     out = publish.publish(Run.read("configs/own.yaml"))
     first, *rest = (out / "README.md").read_text().splitlines()
     assert first == (f"Stale, of older code or settings: {', '.join(old)}." if old else "report/README.md")

@@ -129,7 +129,7 @@ _PARTS_MET = 5  # patches that cutting a cell adds, about
 class PatchConfig:
     """How near patches come, and how many there may be.
 
-    tolerance: largest distance between triangles and patches, of half the longest side; twice that the other way.
+    tolerance: wanted distance between triangles and patches, of half the longest side; twice that the other way.
     patches: at most about so many, 8 to 14 bytes each; where they run out the worst cells are cut first.
     depth: how often a base cell may be cut.
     """
