@@ -135,18 +135,6 @@ def test_junk_of_computers_is_passed_over_and_the_unknown_is_named(tmp_path, cap
         shapenet.list_classes(root)
 
 
-def test_data_set_gives_views_by_side(tmp_path):
-    sides = {"a": ([0, 1], []), "b": ([0], [1]), "c": ([], [0, 1])}
-    shapes = [{"id": name, "train_views": train, "test_views": test} for name, (train, test) in sides.items()]
-    index = {"root": "some/where", "categories": {"chair": {"synset": CHAIR, "shapes": shapes}}}
-    (tmp_path / "index.json").write_text(json.dumps(index))
-    data = shapenet.Dataset.open(tmp_path / "index.json")
-    for side, found in zip(("train", "test"), zip(*sides.values(), strict=True), strict=True):
-        assert data.views("chair", side) == [(name, tuple(own)) for name, own in zip(sides, found, strict=True) if own]
-    assert data.model("chair", "a").as_posix() == f"some/where/ShapeNetCore.v1/{CHAIR}/a/model.obj"
-    assert "it has chair" in _message(data.category, "plane")
-
-
 @pytest.mark.parametrize("text", ["[]", "{}", '{"root": "x", "categories": {"chair": {}}}', "{"])
 def test_damaged_index_is_named(tmp_path, text):
     (tmp_path / "index.json").write_text(text)
