@@ -30,25 +30,19 @@ def _axes(generator):
     return axes / np.linalg.norm(2 * axes)
 
 
-def _write_image(path, colour):
-    row, column = np.mgrid[:137, :137] - 68
-    inside = (row**2 + column**2) < 45**2
-    shade = np.clip(255 - (row**2 + column**2) / 15, 0, 255)[..., None] * np.asarray(colour)
-    pixels = np.concatenate([shade, np.full((137, 137, 1), 255.0)], axis=-1) * inside[..., None]
+def _write_image(path):
+    pixels = np.zeros((137, 137, 4), np.uint8)
+    pixels[24:112, 24:112] = 255, 153, 102, 255
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(pixels.astype(np.uint8)).save(path)
+    Image.fromarray(pixels).save(path)
 
 
-def _renders(count, generator):
-    """Visibility, depth and normals of a unit ball in front of the camera: pictures with something in them."""
-    row, column = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE * 2 - 1
-    radius_sq = row**2 + column**2
-    height = np.sqrt(np.clip(0.6 - radius_sq, 0, None))
-    normals = np.stack([column, -row, height], -1) / np.sqrt(0.6)
-    visible = (radius_sq < 0.6).astype(np.float32)
-    depth = np.where(visible > 0, 2 - height, np.inf)
-    stack = {"visibility": visible, "depth": depth, "normals": normals}
-    return {f"render.{name}": np.stack([value] * count).astype(np.float32) for name, value in stack.items()}
+def _renders(count):
+    """Visibility, depth and normals of a square that faces the camera."""
+    visible = np.zeros((count, SIZE, SIZE))
+    visible[:, 8:24, 8:24] = 1
+    depth = np.where(visible > 0, 2.0, np.inf)
+    return {"render.visibility": visible, "render.depth": depth, "render.normals": visible[..., None] * [0, 0, 1]}
 
 
 class FakeExperiment:
@@ -95,17 +89,14 @@ class FakeExperiment:
         number = list(self.categories).index(category)
         for shape, view in self.images(category):
             folder = self.artifacts / "dataset" / "ShapeNetRendering" / f"0{number}" / shape / "rendering"
-            _write_image(folder / f"{view:02d}.png", [(1, 0.6, 0.4), (0.4, 0.7, 1)][number % 2])
+            _write_image(folder / f"{view:02d}.png")
 
     def _write_meshes(self, category):
         ids = list(self.categories[category]["axes"])
         folder = self._folder("meshes", category)
         storage.save_tensors(folder / "000.meshes.safetensors", {}, {"ids": ids})
-        failures = f"id,stage,reason\n{category}99,meshes,no triangles left\n"
-        storage.write_text(folder / "failures.csv", failures)
-        storage.write_json(
-            folder / "000.json", {"fingerprint": "x", "files": {"000.meshes.safetensors": ""}, "failures": []}
-        )
+        storage.write_text(folder / "failures.csv", f"id,stage,reason\n{category}99,meshes,no triangles left\n")
+        _write_note(folder, "000.meshes.safetensors")
 
     def _write_samples(self, category):
         axes = self.categories[category]["axes"]
@@ -116,12 +107,9 @@ class FakeExperiment:
         folder = self._folder("samples", category)
         storage.save_tensors(folder / "000.clouds.safetensors", tensors, {"ids": list(axes), "fingerprint": "x"})
         samples = {"U.depth": np.zeros((len(axes), 4), np.uint16)}
-        record = {"ids": list(axes)}
-        storage.save_tensors(folder / "000.samples.safetensors", samples, record)
+        storage.save_tensors(folder / "000.samples.safetensors", samples, {"ids": list(axes)})
         storage.write_text(folder / "failures.csv", "id,stage,reason\n")
-        files = {"000.clouds.safetensors": "", "000.samples.safetensors": ""}
-        record = {"fingerprint": "x", "files": files, "failures": []}
-        storage.write_json(folder / "000.json", record)
+        _write_note(folder, "000.clouds.safetensors", "000.samples.safetensors")
 
     def _surface(self, category, shape, count, noise):
         """Points of the shape in the field frame, moved by `noise` (v1 units)."""
@@ -151,7 +139,7 @@ class FakeExperiment:
         ddf["train_features"] = self.generator.normal(size=(len(train_images), 20))
         nearest = [nearest_train_image(row) % len(train_images) for row in range(count)]
         ddf["features"] = ddf["train_features"][nearest] + 0.1
-        ddf |= _renders(count, self.generator)
+        ddf |= _renders(count)
         three = {"three_views": (scale[:, None, None] * self._clouds(category, SIZES["L"], NOISE))[[0, 2]]}
         record["three_views"] = [images[0][0], images[2][0]]
         record_ddf = record | {"train_images": train_images, "rendered": list(range(count))}
@@ -178,15 +166,19 @@ class FakeExperiment:
             decay = start * np.exp(-step / 600) + 0.2
             wiggle = 1 + 0.05 * self.generator.normal(size=len(step))
             columns = {"step": step, "loss": decay * wiggle, "camera": 0.4 * decay, "seconds": 0.1 * step}
-            table = pd.DataFrame(columns)
-            folder = self._folder(model, category)
-            folder.mkdir(parents=True, exist_ok=True)
-            table.to_csv(folder / "log.csv", index=False)
+            text = pd.DataFrame(columns).to_csv(index=False)
+            storage.write_text(self._folder(model, category) / "log.csv", text)
 
     def write_config(self, text):
         """The experiment file, whose sections are given as YAML text."""
         storage.write_text(self.root / "configs" / "fake.yaml", text)
         return "configs/fake.yaml"
+
+
+def _write_note(folder, *names):
+    """Of a shard that is done."""
+    files = dict.fromkeys(names, "")
+    storage.write_json(folder / "000.json", {"fingerprint": "x", "files": files, "failures": []})
 
 
 def _float32(tensors):

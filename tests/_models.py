@@ -21,6 +21,8 @@ OWN = reconstruction_settings.FieldConfig("softplus", 20.0)
 DDF = reconstruction_settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 10.0, 16, 20)
 PCSIREN = reconstruction_settings.PCSirenConfig(1, 8, 8)
 LINE = line_field.LineFieldConfig(places=8, width=16)
+LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
+FRAME = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # of a mesh 100 units long, off the origin
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
@@ -64,11 +66,17 @@ class BallField(pddf.PDDF):
         return torch.stack((zero, zero, zero, logit), dim=-1)
 
 
-def ddf_model(azimuth: Literal["angle", "sincos"] = "angle", told: bool = False):
+def _made(kind, train: reconstruction_settings.TrainConfig, *own):
+    """With random weights, and the cameras that it knows."""
     torch.manual_seed(0)
-    made = reconstruction_models.DDFModel(dataclasses.replace(TRAIN, azimuth=azimuth, told=told), DDF.field).eval()
+    made = kind(train, *own).eval()
     made.camera_head.fit(CAMERAS)
     return made
+
+
+def ddf_model(azimuth: Literal["angle", "sincos"] = "angle", told: bool = False):
+    train = dataclasses.replace(TRAIN, azimuth=azimuth, told=told)
+    return _made(reconstruction_models.DDFModel, train, DDF.field)
 
 
 def of_field(config: pddf.PDDFConfig, latent_features: int, width: int, azimuth: Literal["angle", "sincos"] = "angle"):
@@ -82,27 +90,20 @@ def of_field(config: pddf.PDDFConfig, latent_features: int, width: int, azimuth:
 
 
 def pcsiren_model():
-    torch.manual_seed(0)
-    made = reconstruction_models.PCSirenModel(TRAIN).eval()
-    made.camera_head.fit(CAMERAS)
-    return made
+    return _made(reconstruction_models.PCSirenModel, TRAIN)
 
 
 def line_model():
     """With image features; some parts are hit."""
-    torch.manual_seed(0)
-    made = line_field.ImageDDFModel(TRAIN, LINE).eval().requires_grad_(False)
-    made.camera_head.fit(CAMERAS)
+    made = _made(line_field.ImageDDFModel, TRAIN, LINE).requires_grad_(False)
     made.decoder.head.bias[0] = 1.0
     return made
 
 
-def write_shape_field(folder):
-    """A field file as `ddf fit` writes it; returns its folder."""
-    lower, upper = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
-    frame = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))
-    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(FIELD, lower, upper, frame)}
-    storage.save_tensors(folder / model_files.MODEL, dict(field().state_dict()), record)
+def write_shape_field(folder, **changes):
+    """A field file as `ddf fit` writes it, with changes of its record; returns its folder."""
+    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(FIELD, LOWER, UPPER, FRAME)}
+    storage.save_tensors(folder / model_files.MODEL, dict(field().state_dict()), record | changes)
     return folder
 
 

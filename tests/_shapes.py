@@ -11,7 +11,7 @@ import torch
 import trimesh
 from PIL import Image
 
-from ddf.data.public import packages
+from ddf.data.public import manifest, packages
 from ddf.geometry import mesh_io, rays
 
 BLOCK = "".join(f"v {x} {y} {z}\n" for x in (0, 2) for y in (0, 1) for z in (0, 1))
@@ -82,6 +82,15 @@ def random_rays(count: int, seed: int, spread: float = 1.0) -> rays.OrientedPoin
     return rays.OrientedPoints(torch.from_numpy(rng.uniform(-spread, spread, (count, 3))), torch.from_numpy(directions))
 
 
+def towards(count: int, radius: float, spread: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from a sphere of this radius to places around its centre."""
+    rng = np.random.default_rng(seed)
+    starts = rng.standard_normal((count, 3))
+    starts *= radius / np.linalg.norm(starts, axis=1, keepdims=True)
+    ways = rng.uniform(-spread, spread, (count, 3)) - starts
+    return starts, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+
 def zipped(members):
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
@@ -117,6 +126,17 @@ def deb(members, name="data.tar.xz", mode: Literal["w", "w:xz"] = "w:xz"):
 def package(data, root="usr/share/pieces"):
     """What is pinned of a package's bytes."""
     return packages.Package("pieces", "1:2.0-1", len(data), hashlib.sha256(data).hexdigest(), root)
+
+
+def keep_pieces(folder, monkeypatch, rows):
+    """A manifest of these rows of `pieces`, whose package is kept; caches and own data are below the folder."""
+    for name in ("XDG_CACHE_HOME", "XDG_DATA_HOME"):
+        monkeypatch.setenv(name, str(folder / name))
+    data = deb(pieces())
+    monkeypatch.setattr(packages, "PACKAGES", {"pieces": package(data)})
+    monkeypatch.setattr(manifest, "rows", lambda: rows)
+    (folder / "p.deb").write_bytes(data)
+    packages.keep(packages.PACKAGES["pieces"], manifest.wanted("pieces"), folder / "p.deb")
 
 
 def pieces():

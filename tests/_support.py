@@ -1,5 +1,6 @@
-"""Comparison of arrays for all tests, with tolerances by type; and damage to a file."""
+"""Comparison of arrays for all tests, with tolerances by type; interrupted steps; and damage to a file."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,17 @@ def _as_float64(value: Any) -> np.ndarray:
     if isinstance(value, torch.Tensor):
         value = value.detach().cpu().double().numpy()
     return np.asarray(value, dtype=np.float64)
+
+
+def stopped(step_loss: Callable[[int], Any], at: int | None) -> Callable[[int], Any]:
+    """The loss of a step, with an interrupt in place of one of them."""
+
+    def loss(step: int) -> Any:
+        if step == at:
+            raise KeyboardInterrupt
+        return step_loss(step)
+
+    return loss
 
 
 def damage(path: Path, at: int = -1) -> None:

@@ -4,7 +4,7 @@ import _models
 import numpy as np
 import pytest
 import torch
-from _shapes import icosphere
+from _shapes import icosphere, towards
 
 import ddf
 from ddf.fields import shape_field
@@ -20,11 +20,7 @@ POSE = np.array([[0.0, 1.5, 0, 0.1], [0, 0, 1.5, -0.2], [1.5, 0, 0, 0.1], [0, 0,
 
 
 def _rays(count: int, spread: float):
-    random = np.random.default_rng(0)
-    starts = random.standard_normal((count, 3))
-    starts *= 3 / np.linalg.norm(starts, axis=1, keepdims=True)
-    ways = random.uniform(-spread, spread, (count, 3)) - starts
-    return starts, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    return towards(count, 3, spread)
 
 
 def _shape(name: str):

@@ -12,6 +12,7 @@ from ddf.data import dataset, mesh_config
 from ddf.fields import losses, pddf, scene_field, siren
 from ddf.fields.grid import octree
 from ddf.models import reconstruction_settings
+from ddf_lab.figures import figure_fields
 
 CORRECTION, SHAPE = reconstruction_settings.CorrectionConfig(), reconstruction_settings.ShapeCorrectionConfig()
 DATASET = dataset.DatasetConfig("synthetic", {"primitives": 3}, 1, 5, False)
@@ -56,6 +57,7 @@ FIELD, LAYOUT = pddf.PDDFConfig((16, 12), 3.0, 1.0, "softplus", 100.0), siren.Si
             for name in ("temperature", "inverse_depth")
             for value in (0.0, -1.0, math.inf, math.nan)
         ),
+        (figure_fields.FiguresConfig(), {"steps": 0}, "steps must be >= 1; got 0"),
         (octree.PatchConfig(), {"tolerance": 0.0}, "tolerance must be in"),
         *(
             (mesh_config.MeshesConfig(), {name: value}, f"^{name} must be")

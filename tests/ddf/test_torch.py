@@ -6,7 +6,7 @@ import _models
 import numpy as np
 import pytest
 import torch
-from _shapes import cube, icosphere, moved
+from _shapes import cube, icosphere, moved, towards
 from torch.nn import functional
 
 import ddf
@@ -29,13 +29,8 @@ def _patches(mesh, soft: float | None = 0.0) -> ddf.torch.Field:
     return ddf.torch.Field(Field(patch_fitting.patches(mesh, octree.PatchConfig(1e-3))), soft)
 
 
-def _towards(count: int, seed: int = 0, spread: float = 0.5) -> tuple[torch.Tensor, torch.Tensor]:
-    """Rays from a sphere of radius 5 to around its centre, float64."""
-    random = np.random.default_rng(seed)
-    starts = torch.from_numpy(random.standard_normal((count, 3)))
-    starts = 5 * functional.normalize(starts, dim=-1)
-    ways = functional.normalize(torch.from_numpy(random.uniform(-spread, spread, (count, 3))) - starts, dim=-1)
-    return starts, ways
+def _towards(count: int, spread: float = 0.5) -> list[torch.Tensor]:
+    return [torch.from_numpy(each) for each in towards(count, 5, spread)]
 
 
 @pytest.mark.parametrize("name", ["network", "patches"])

@@ -1,7 +1,6 @@
 """What a stage is given."""
 
 import dataclasses
-from pathlib import Path
 
 import pytest
 
@@ -10,15 +9,6 @@ from ddf.models import loop_config, reconstruction_settings
 from ddf_lab import run
 from ddf_lab.evaluation import scoring
 from ddf_lab.run import Run
-
-
-def test_folders_are_named_after_the_file_the_category_and_the_seed():
-    cpu, chair = Run(Path("some/where/cpu.yaml"), {}), Run(Path("cpu.yaml"), {}, "chair", 1)
-    assert cpu.folder("meshes", "chair") == chair.folder("meshes") == Path("artifacts/cpu/meshes/chair")
-    assert cpu.folder("evaluate", seed=2) == Path("artifacts/cpu/evaluate_seeds/2")
-    assert chair.folder("train_ddf", seed=chair.seed) == Path("artifacts/cpu/train_ddf_seeds/1/chair")
-    assert chair.index == Path("artifacts/cpu/dataset/index.json")
-    assert (cpu.label, chair.label) == ("", "chair seed 1")
 
 
 def test_sections_are_read_by_their_dataclass(tmp_path):
@@ -53,7 +43,6 @@ def test_a_file_of_no_experiment_is_one_line(tmp_path, text, message):
     ("change", "message"),
     [
         ("pcsiren.stepz=7", "unknown key 'stepz'; the keys are steps, points, truth_points (did you mean steps?)"),
-        ("train.loop.mu=7", "muon_kernels (did you mean muon?)"),
         ("pcsiran.steps=7", "figures (did you mean pcsiren?)"),
         ("pcsiren.steps.more=7", "pcsiren.steps must be of type int; got {'more': 7}"),
         ("pcsiren.steps=0", "pcsiren: steps must be >= 1; got 0"),

@@ -29,6 +29,7 @@ SMALLER = {
 }
 
 
+CLOUDS = {"pointclouds", "evaluate", "report"}
 PATIENCE = 1200  # seconds for a run on a busy machine; nothing is timed
 
 
@@ -117,17 +118,9 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     return result
 
 
-@pytest.mark.parametrize(
-    ("file", "pattern", "replacement"),
-    [
-        ("configs/smoke.yaml", r"\A", "# a remark\n"),
-        ("configs/smoke.yaml", r"dataset:", "dataset:\n  strict: false"),  # a default restated
-        ("configs/paper.yaml", r"\Z", "pcsiren: {steps: 99, points: 99}\n"),  # overruled
-        ("src/ddf/core/config.py", r"\Z", "\n# a remark\n"),
-    ],
-)
-def test_a_second_call_runs_nothing_whatever_changed_that_does_not_count(workspace, file, pattern, replacement):
-    with workspace.edited(file, pattern, replacement):
+@pytest.mark.parametrize("file", ["configs/smoke.yaml", "src/ddf/core/config.py"])
+def test_a_second_call_runs_nothing_nor_does_one_after_a_remark(workspace, file):
+    with workspace.edited(file, r"\Z", "\n# a remark\n"):
         assert workspace.smoke() == []
     assert workspace.smoke() == []
 
@@ -137,18 +130,8 @@ def test_a_second_call_runs_nothing_whatever_changed_that_does_not_count(workspa
     [
         ("configs/smoke.yaml", r"oracle_shortlist: \d+", "oracle_shortlist: 1", {"evaluate", "report"}),
         ("src/ddf_lab/evaluation/scoring.py", r"\Z", "\nUNUSED = 1\n", {"evaluate", "report"}),
-        (
-            "configs/smoke.yaml",
-            r"(pcsiren: {steps): \d+",
-            r"\1: 7",
-            {"train_pcsiren", "pointclouds", "evaluate", "report"},
-        ),
-        (
-            "configs/paper.yaml",  # that smoke.yaml builds on
-            r"\Z",
-            "pointclouds: {correction: {learning_rate: 0.02}}\n",
-            {"pointclouds", "evaluate", "report"},
-        ),
+        ("configs/smoke.yaml", r"(pcsiren: {steps): \d+", r"\1: 7", {"train_pcsiren", *CLOUDS}),
+        ("configs/paper.yaml", r"\Z", "pointclouds: {correction: {learning_rate: 0.02}}\n", CLOUDS),  # its base
     ],
 )
 def test_a_change_runs_the_stages_that_it_reaches_and_what_follows(workspace, file, pattern, replacement, stages):
@@ -215,25 +198,13 @@ DAMAGED = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("pattern", "how"),
-    [
-        *((pattern, "flip") for pattern in DAMAGED),
-        *((pattern, "truncate") for pattern in DAMAGED[2:8:3]),
-        (DAMAGED[5], "remove"),
-    ],
-)
-def test_damage_is_noticed_and_mended(workspace, pattern, how):
+@pytest.mark.parametrize("pattern", DAMAGED)
+def test_damage_is_noticed_and_mended(workspace, pattern):
     table = workspace.table
     path = sorted(workspace.artifacts.glob(pattern))[0]
     good = path.read_bytes()
     tensors = storage.load_tensors(path)[0] if pattern.startswith("pointclouds") else {}
-    if how == "flip":
-        damage(path, len(good) // 2)
-    elif how == "truncate":
-        path.write_bytes(good[: len(good) // 2])
-    else:
-        path.unlink()
+    damage(path, len(good) // 2)
     assert workspace.smoke() != []
     if pattern.startswith("pointclouds"):  # the file notes the seconds of a cloud too
         assert set(found := storage.load_tensors(path)[0]) == set(tensors)

@@ -12,21 +12,21 @@ PATH = {"position": [0, 0, 3], "target": [0, 0, 0]}
 
 def _write(folder, content):
     file = folder / "scene.yaml"
-    text = content if isinstance(content, str | bytes) else yaml.safe_dump(content)
-    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    file.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
     return file
 
 
 def test_scene_of_a_file_is_the_scene_composed(tmp_path):
     beside = {"field": "rabbit", "scale": 0.5, "rotation_deg": [90, 0, 90], "translation": [1.5, 0.1, 0.0]}
-    scene = ddf.read_scene(_write(tmp_path, {"objects": [{"field": "rabbit"}, beside], "up": "z"}))
+    scene = ddf.read_scene(_write(tmp_path, {"objects": [{"field": "rabbit"}, beside], "up": "z", "soft": 0.3}))
     matrix = np.eye(4)
     matrix[:3, :3] = 0.5 * np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # x -> x -> y, y -> z -> z, z -> -y -> x
     matrix[:3, 3] = 1.5, 0.1, 0.0
     rabbit = ddf.load("rabbit")
-    composed = ddf.compose([rabbit, rabbit], [np.eye(4), matrix])
+    composed = ddf.compose([rabbit, rabbit], [np.eye(4), matrix], soft=0.3)
     np.testing.assert_allclose(scene.box, composed.box)
-    np.testing.assert_allclose(scene.render(size=16)["depth"], composed.render(size=16)["depth"], atol=1e-5)
+    found, expected = (each.render(0, 10, size=16)["depth"] for each in (scene, composed))  # one behind the other
+    np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_a_box_cuts_away_what_lies_before_it(tmp_path):
@@ -36,18 +36,6 @@ def test_a_box_cuts_away_what_lies_before_it(tmp_path):
     box = {"lower": [-1, -1, -4], "upper": [1, 2, -1.2]}
     cut = ddf.read_scene(_write(tmp_path, {"objects": objects, "box": box})).query(front, along)["depth"]
     assert cut[0] == pytest.approx(whole[0] + 3, abs=2e-3)
-
-
-def test_softness_of_a_file_is_that_of_compose(tmp_path):
-    rabbit, objects = ddf.load("rabbit"), [{"field": "rabbit"}, {"field": "rabbit", "translation": [0, 0, -2]}]
-    soft = ddf.read_scene(_write(tmp_path, {"objects": objects, "soft": 0.3})).render(90, 10, size=16)["depth"]
-    behind = np.eye(4)
-    behind[2, 3] = -2
-    composed = (ddf.compose([rabbit] * 2, [np.eye(4), behind], t) for t in (0.3, None))
-    same, hard = (scene.render(90, 10, size=16)["depth"] for scene in composed)
-    np.testing.assert_allclose(soft, same)
-    seen = np.isfinite(soft) & np.isfinite(hard)
-    assert np.abs(soft[seen] - hard[seen]).max() > 0.1
 
 
 def test_paths_of_fields_begin_at_the_scene_file(tmp_path):
@@ -60,15 +48,10 @@ def test_paths_of_fields_begin_at_the_scene_file(tmp_path):
     ("content", "message"),
     [
         ("objects: [", "not valid YAML"),
-        ("3", "scene must be a mapping"),
-        (b"\xff\xfe", "not a UTF-8"),
-        ({}, "key 'objects' is missing"),
         ({"objects": []}, "objects must list one field or more"),
         ({"objects": [{"scale": 2.0}]}, r"scene\.objects\[0\]: key 'field' is missing"),
         ({"objects": [{"field": "rabbit", "scale": 0.0}]}, "scale must be positive; got 0"),
         ({"objects": [{"field": "rabbit", "turn": 1}]}, "unknown key 'turn'"),
-        ({"objects": [{"field": "rabbit", "translation": [0, 1]}]}, "must have 3 entries; got 2"),
-        ({"objects": [{"field": "rabbit"}], "up": "x"}, "up must be one of y, z"),
         ({"objects": [{"field": "rabbit"}], "soft": -1.0}, "soft must be positive, or null"),
         ({"objects": [{"field": "rabbit"}], "box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}, "lower must be below"),
         ({"objects": [{"field": "rabbit"}], "fly": [PATH | {"target": [0, 0, 3]}]}, "must look away"),

@@ -36,13 +36,6 @@ def test_ranges_and_incidence_on_a_sphere_are_those_of_the_closed_form(kind):
     assert inner.sum() > 40
 
 
-def test_a_camera_without_a_pose_sees_a_field_whole():
-    sweep = ddf.depth_camera(ddf.load("rabbit"), size=48)
-    image = sweep.hit.reshape(48, 48)
-    assert 0.05 < image.mean() < 0.9
-    assert not (image[0].any() or image[-1].any() or image[:, 0].any() or image[:, -1].any())
-
-
 def test_what_no_sensor_is_is_refused():
     with pytest.raises(checks.InputError, match="size must be 1 or more"):
         ddf.depth_camera(_sphere(), size=0)

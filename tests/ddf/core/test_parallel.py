@@ -53,12 +53,6 @@ def test_every_item_is_mapped_once_in_order(out_dir):
     assert (out_dir / "failures.csv").read_text() == "id,stage,reason\n"
 
 
-def test_finished_shards_are_not_run_again(out_dir):
-    _map(out_dir)
-    _map(out_dir)
-    assert _calls(out_dir) == []
-
-
 def test_only_damaged_missing_or_changed_shards_run_again(out_dir):
     _map(out_dir)
     good = (out_dir / "001.txt").read_bytes()

@@ -11,7 +11,7 @@ import pytest
 
 from ddf.core import checks
 from ddf.data import dataset, shapenet, splits
-from ddf.data.public import manifest, packages
+from ddf.data.public import manifest
 from ddf.data.synthetic import write
 from ddf.geometry import mesh_io
 
@@ -164,15 +164,9 @@ def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):
 @pytest.fixture
 def public_chairs(tmp_path, monkeypatch):
     """A manifest of one training, one validation and one test chair, all the same cube, in a kept package."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    data = _shapes.deb(_shapes.pieces())
-    package = _shapes.package(data)
-    monkeypatch.setattr(packages, "PACKAGES", {"pieces": package})
     place = ("pieces", "Set.sh3f/a/a.obj", "", "x y z", (), "CC0-1.0", "Ann")
     rows = tuple(manifest.Row(f"S__{split}", "chair", split, *place) for split in manifest.SPLITS)
-    monkeypatch.setattr(manifest, "rows", lambda: rows)
-    (tmp_path / "p.deb").write_bytes(data)
-    packages.keep(package, manifest.wanted("pieces"), tmp_path / "p.deb")
+    _shapes.keep_pieces(tmp_path, monkeypatch, rows)
 
 
 def _views(index, side):

@@ -74,23 +74,6 @@ def test_clean_welds_noisy_seams_only_if_that_closes_the_mesh():
     assert len(mesh_topology.clean(opened).vertices) == 3 * len(opened.faces)
 
 
-def test_clean_refuses_a_mesh_without_area():
-    with pytest.raises(checks.InputError, match="no triangle has an area"):
-        mesh_topology.clean(mesh_io.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
-
-
-def test_closed_mesh_goes_through_unchanged():
-    raw = moved(torus(sections=24), 3.0, (5.0, 6.0, 7.0))
-    done = _prepared(raw)
-    assert done.watertight and not done.wrapped and len(done.mesh.faces) == len(raw.faces)
-    assert done.hausdorff < 1e-9 and done.mean_distance < 1e-9 and done.lost < 1e-9
-    lower, upper = done.mesh.box()
-    assert_close((upper - lower).max(), np.array(2.0), atol=1e-12)
-    assert_close(lower + upper, np.zeros(3), atol=1e-12)
-    apart = raycast.Scene(done.mesh).distance(done.field_from_raw.apply(raw.triangles).reshape(-1, 3))
-    assert apart.max() < 1e-9
-
-
 def test_thin_parts_of_mixed_winding_survive_the_wrap():
     """Neighbours that run along their edge the same way once made whole panels vanish."""
     panel, rng = _plate((-1, -1, 0), (1, 1, 0), steps=9), _random()
@@ -111,8 +94,6 @@ def test_never_wrapped_meshes_keep_open_sheets_and_inner_parts():
     assert len(done.mesh.faces) == len(raw.faces)
     assert max(mesh_preparation.measure(raw, mesh_topology.clean(raw), 2000, _random()).values()) < 1e-5
     assert {getattr(done, name) for name in mesh_preparation.LOSSES} == {0.0}
-    closed = _prepared(raw)
-    assert closed.hausdorff_hidden > 0.05  # the wrap drops the ball inside
 
 
 def test_open_meshes_are_decimated_too():
@@ -204,19 +185,11 @@ def test_every_readable_real_mesh_becomes_watertight(shared_dir):
 
 def _gear(corners: int = 600, teeth: int = 50) -> mesh_io.Mesh:
     """A flat toothed ring as CAD makes it: long thin triangles, sharp edges, flat sides on a common plane."""
-    index = np.arange(corners)
-    angle, after = index * 2 * np.pi / corners, (index + 1) % corners
-    outer = np.where((index * teeth * 2 // corners) % 2 == 0, 1.0, 0.9)
-    rims = [r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) for r in (outer, np.full(corners, 0.7))]
-    vertices = np.concatenate([np.c_[rim, np.full(corners, z)] for z in (0.0, 0.2) for rim in rims])
-    low, hole, top, top_hole = (k * corners for k in range(4))
-
-    def quads(a: int, b: int, c: int, d: int, one: np.ndarray, two: np.ndarray) -> list[np.ndarray]:
-        return [np.stack([a + one, b + index, c + after], 1), np.stack([a + one, c + after, d + two], 1)]
-
-    faces = [*quads(low, hole, hole, low, index, after), *quads(top_hole, top, top, top_hole, index, after)]
-    faces += [*quads(top, low, low, top, index, after), *quads(hole, top_hole, top_hole, hole, index, after)]
-    return mesh_io.Mesh(vertices, np.concatenate(faces))
+    ring = trimesh.creation.annulus(0.7, 1.0, 0.2, sections=corners)
+    vertices = np.array(ring.vertices)
+    radius, turn = np.hypot(*vertices[:, :2].T), np.arctan2(vertices[:, 1], vertices[:, 0]) / np.pi
+    vertices[(radius > 0.85) & (np.floor(turn * teeth + 0.01) % 2 == 1), :2] *= 0.9
+    return mesh_io.Mesh(vertices, np.array(ring.faces))
 
 
 @pytest.mark.parametrize("single", [False, True])

@@ -3,30 +3,18 @@
 import numpy as np
 import pytest
 import torch
+from _models import FIELD, FRAME, LOWER, UPPER, write_shape_field
 from torch.nn import functional
 
 from ddf.core import checks, storage
 from ddf.fields import derivatives, field_outputs, field_values, framed_field, pddf, shape_field
 from ddf.fields.model_files import MODEL
-from ddf.geometry import rays, transforms
-
-CONFIG = pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
-LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
-MAP = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # the mesh is 100 units long, off the origin
-
-
-def _write(folder, config=CONFIG, **changes):
-    torch.manual_seed(0)
-    field = pddf.PDDF(config)
-    torch.nn.init.constant_(field.network.head.bias[pddf.VISIBILITY_ROW], 0.3)
-    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(config, LOWER, UPPER, MAP)}
-    storage.save_tensors(folder / MODEL, dict(field.state_dict()), {**record, **changes})
-    return folder
+from ddf.geometry import rays
 
 
 @pytest.fixture
 def shape(tmp_path):
-    return shape_field.load(_write(tmp_path))
+    return shape_field.load(write_shape_field(tmp_path))
 
 
 def _rays(count=60, seed=0, spread=0.9):
@@ -38,21 +26,21 @@ def _rays(count=60, seed=0, spread=0.9):
 
 
 def _in_mesh_frame(p, v):
-    return rays.OrientedPoints(torch.from_numpy(MAP.inverse().apply(p.numpy())), v)
+    return rays.OrientedPoints(torch.from_numpy(FRAME.inverse().apply(p.numpy())), v)
 
 
 def test_file_and_folder_load_the_same_field(tmp_path):
-    folder = _write(tmp_path / "field")
+    folder = write_shape_field(tmp_path / "field")
     one, two = shape_field.load(folder), shape_field.load(folder / MODEL)
     assert torch.equal(one.field.network.head.weight, two.field.network.head.weight)
-    assert one.field_from_mesh.to_dict() == MAP.to_dict()
+    assert one.field_from_mesh.to_dict() == FRAME.to_dict()
     assert np.array_equal(one.lower, LOWER)
     assert np.array_equal(one.upper, UPPER)
     assert one.record["format_version"] == storage.FORMAT_VERSION
 
 
 def _hidden(*widths):
-    return {"field": {**shape_field.asdict(CONFIG), "hidden": list(widths)}}
+    return {"field": {**shape_field.asdict(FIELD), "hidden": list(widths)}}
 
 
 @pytest.mark.parametrize(
@@ -73,13 +61,13 @@ def _hidden(*widths):
 )
 def test_other_files_are_refused(tmp_path, changes, message):
     with pytest.raises(checks.InputError, match=message):
-        shape_field.load(_write(tmp_path, **changes))
+        shape_field.load(write_shape_field(tmp_path, **changes))
     with pytest.raises(FileNotFoundError, match="no such field"):
         shape_field.load(tmp_path / "nothing")
 
 
 def test_weights_that_are_not_finite_are_refused(tmp_path):
-    _write(tmp_path)
+    write_shape_field(tmp_path)
     tensors, record = storage.load_tensors(tmp_path / MODEL)
     tensors["network.head.bias"] = tensors["network.head.bias"] * np.nan
     storage.save_tensors(tmp_path / MODEL, tensors, record)
@@ -173,6 +161,6 @@ def test_points_are_seeded_and_in_the_mesh_frame(shape):
     assert points.shape == (40, 3)
     assert np.array_equal(points, shape.points(40, 3))
     assert not np.array_equal(points, shape.points(40, 4))
-    assert np.abs(MAP.apply(points)).max() < 5  # near the box in field units
+    assert np.abs(FRAME.apply(points)).max() < 5  # near the box in field units
     with pytest.raises(checks.InputError, match="number of points must be >= 1; got 0"):
         shape.points(0)

@@ -25,6 +25,7 @@ def test_cameras_are_spread_evenly_over_their_part_of_the_sphere():
 
 def test_shards_hold_what_is_rendered(tmp_path):
     model = _generative.vae()
+    model.field_scale.fill_(2.25)
     record = {"kind": generative_models.VAE, "vae": dataclasses.asdict(_generative.VAE)}
     storage.save_tensors(tmp_path / "vae" / model_files.MODEL, dict(model.state_dict()), record)
     out = tmp_path / "normals"

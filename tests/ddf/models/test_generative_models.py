@@ -55,16 +55,6 @@ def test_a_sample_opens_as_any_field_does(tmp_path):
     assert_close(found["visibility"], pddf.visibility(plain(positions, directions)), atol=1e-4)
 
 
-def test_a_model_is_loaded_as_it_was_written(tmp_path):
-    model = _generative.vae()
-    model.field_scale.fill_(2.25)
-    record = {"kind": generative_models.VAE, "vae": dataclasses.asdict(_generative.VAE)}
-    storage.save_tensors(tmp_path / model_files.MODEL, dict(model.state_dict()), record)
-    loaded = generative_models.load_vae(tmp_path)
-    assert loaded.config == _generative.VAE and float(loaded.field_scale) == 2.25
-    assert_close(loaded.decoder.field.network.head.weight, model.decoder.field.network.head.weight)
-
-
 def _recorded(folder, change=lambda record: None):
     """What is read of a file whose record was changed."""
     sections = {name: dataclasses.asdict(getattr(_generative, name.upper())) for name in ("vae", "gan")}

@@ -7,7 +7,6 @@ import pytest
 import torch
 from torch.nn import functional
 
-from ddf.core import checks
 from ddf.fields import framed_field
 from ddf.geometry import cameras, rays
 from ddf.models import line_field
@@ -22,10 +21,8 @@ def _views(model, rows=(0,)):
 
 
 def _rays(count, seed=1):
-    generator = torch.Generator().manual_seed(seed)
-    positions = torch.rand((count, 3), generator=generator, dtype=torch.float64) * 1.6 - 0.8
-    directions = torch.randn((count, 3), generator=generator, dtype=torch.float64)
-    return positions, functional.normalize(directions, dim=-1)
+    positions, directions = (each.double() for each in _models.points(count, seed))
+    return 0.8 * positions, functional.normalize(directions, dim=-1)
 
 
 @pytest.fixture(scope="module")
@@ -144,12 +141,3 @@ def test_a_field_of_an_image_is_asked_as_any_other(field):
     seen = found["visibility"] > framed_field.SEEN
     assert 0 < evaluated <= 16 * 16 and seen.any() and np.isfinite(found["depth"][seen]).all()
     np.testing.assert_allclose(np.linalg.norm(found["normals"][seen], axis=-1), 1, atol=1e-6)
-
-
-def test_a_model_is_loaded_as_it_was_written(tmp_path):
-    _models.write_model(tmp_path, "ddf_image")
-    found = line_field.load(tmp_path).network.state_dict()
-    assert all(torch.equal(value, found[name]) for name, value in _models.line_model().state_dict().items())
-    _models.write_model(tmp_path)
-    with pytest.raises(checks.InputError, match="holds no image-feature DDF"):
-        line_field.load(tmp_path)

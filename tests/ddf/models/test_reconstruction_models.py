@@ -40,8 +40,7 @@ def test_every_parameter_is_in_one_group_with_its_decay():
 
 
 def test_camera_head_inverts_its_scores_and_clamps():
-    head = camera_encoder.CameraHead()
-    truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
+    head, truth = camera_encoder.CameraHead(), _models.CAMERAS
     head.fit(truth)
     scores = (truth - truth.mean(0)) / truth.std(0)
     torch.testing.assert_close(head(scores), truth)

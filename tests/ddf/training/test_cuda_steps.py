@@ -1,19 +1,17 @@
-"""Steps on random data on the CPU, and on the GPU where there is one (`make test-gpu`)."""
+"""Steps on hand-made data on the CPU, and on the GPU where there is one (`make test-gpu`)."""
 
 import contextlib
 import dataclasses
 import functools
 from unittest import mock
 
-import numpy as np
+import _hand_made
 import pytest
 import torch
+from _support import stopped
 
-from ddf.data import packing
 from ddf.data.batches import category_data
-from ddf.data.samples import sample_types
 from ddf.fields import model_files
-from ddf.geometry import transforms
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.training import reconstruction_steps, training_loop
 
@@ -31,20 +29,13 @@ SECTIONS = {
 
 
 def _trial(model):
-    """One of SECTIONS, and the loss of its steps on random images, clouds and, any code being one, samples."""
+    """A network of one of SECTIONS, and the loss of its steps."""
     training_loop.prepare(LOOP)
-    section, count, size, random = SECTIONS[model], TRAIN.batch_size, TRAIN.image_size, np.random.default_rng(0)
-    ids = [f"random{number}" for number in range(count)]
-    pixels = torch.from_numpy(random.integers(0, 256, (count, 4, size, size), dtype=np.uint8))
-    poses = torch.from_numpy(random.uniform((0.0, 0.43, 0.65), (2 * np.pi, 0.52, 0.95), (count, 3))).float()
-    clouds = list(random.uniform(-0.5, 0.5, (count, 200, 3)))
-    shapes = category_data.ShapeSet.of(ids, [transforms.Similarity(2.0)] * count, clouds)
+    section, shapes = SECTIONS[model], _hand_made.shapes()
     memory = category_data.DeviceMemory(model_files.device())
-    images = memory.holds("images", category_data.ImageSet(ids, [0] * count, np.arange(count), pixels, poses))
+    images = memory.holds("images", _hand_made.images())
     if model == "ddf":
-        kept = (count, len(sample_types.KINDS) * 500, packing.RECORD)
-        records = torch.from_numpy(random.integers(-32767, 32767, kept, np.int16, endpoint=True))
-        samples = memory.holds("samples", category_data.SampleSet(records, sample_types.each(500)))
+        samples = memory.holds("samples", _hand_made.samples())
         network = reconstruction_models.DDFModel(TRAIN, section.field)
         loss = functools.partial(reconstruction_steps.ddf_step, network, images, shapes, samples, TRAIN, section)
     else:
@@ -86,13 +77,7 @@ def _trained(model, device, steps, folder, stop_at=None):
     """Weights after so many steps, written to a folder; a stopped training raises KeyboardInterrupt."""
     with _placed(device):
         network, step_loss = _trial(model)
-
-        def loss(step):
-            if step == stop_at:
-                raise KeyboardInterrupt
-            return step_loss(step)
-
-        groups = network.parameter_groups()
+        groups, loss = network.parameter_groups(), stopped(step_loss, stop_at)
         training_loop.fit(network, groups, loss, steps, LOOP, folder, {"fingerprint": "x"}, model)
         return {name: value.detach().cpu().double() for name, value in network.named_parameters()}
 

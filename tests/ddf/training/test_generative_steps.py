@@ -7,7 +7,7 @@ import _generative
 import numpy as np
 import pytest
 import torch
-from _support import assert_close
+from _support import assert_close, stopped
 from torch import nn
 
 from ddf.fields import losses, model_files
@@ -95,13 +95,7 @@ def _fit(name, folder, stop_at=None):
     make, updates_of = MODELS[name]
     model = make().train()
     *others, last = updates_of(model)
-
-    def stopping(step):
-        if step == stop_at:
-            raise KeyboardInterrupt
-        return last(step)
-
-    updates = [*others, stopping]
+    updates = [*others, stopped(last, stop_at)]
     groups = model.parameter_groups()
     training_loop.fit(model, groups, updates, 3, _generative.LOOP, folder, {"fingerprint": "x"}, name)
     return (folder / model_files.MODEL).read_bytes()

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from _support import damage
+from _support import damage, stopped
 from torch import nn
 
 from ddf.core import checks, storage
@@ -36,13 +36,8 @@ def _problem():
 
 def _fit(folder, steps=20, record=RECORD, stop_at=None, config=CONFIG):
     model, step_loss = _problem()
-
-    def stopping(step):
-        if step == stop_at:
-            raise KeyboardInterrupt
-        return step_loss(step)
-
-    training_loop.fit(model, [{"params": list(model.parameters())}], stopping, steps, config, folder, record, "test")
+    groups, update = [{"params": list(model.parameters())}], stopped(step_loss, stop_at)
+    training_loop.fit(model, groups, update, steps, config, folder, record, "test")
     return model
 
 

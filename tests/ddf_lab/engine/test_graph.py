@@ -81,7 +81,6 @@ STAGE = "of: [shape], each: [], command: x, sections: [], inputs: [], outputs: [
         (None, r"^pipeline\.yaml is not here; "),
         ("[]", r"pipeline\.yaml: must hold stages by name"),
         (f"a: {{{STAGE}, togehter: 2}}", r"a: unknown key 'togehter'; .*together"),
-        (f"a: {{{STAGE.replace('[shape]', '[shapes]')}}}", r"a\.of\[0\] must be one of reconstruction, "),
         ("a: {of: [shape]}", r"pipeline\.yaml: a: key 'each' is missing"),
     ],
 )

@@ -10,7 +10,7 @@ from _fake_experiment import BENCHMARK, NUM_TRUTH, SIZES, FakeExperiment, neares
 
 from ddf.core import checks
 from ddf.data import packing
-from ddf.geometry import neighbours
+from ddf.geometry import cameras, neighbours
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
 
@@ -42,25 +42,15 @@ def _means(scores=NONE, cameras=NONE, shapes=NONE):
     return scoring.summary(scores, cameras, shapes).set_index("metric")
 
 
-def _reference_camera(camera):
-    """The definition in docs/formats.md, written out in numpy."""
-    azimuth, elevation, radius = camera
-    direction = [np.cos(elevation) * np.cos(azimuth), np.sin(elevation), np.cos(elevation) * np.sin(azimuth)]
-    z = np.array(direction)
-    x = np.cross([0, 1, 0], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z]), radius * z
-
-
 def test_predicted_camera_columns_equal_a_comparison_in_camera_frames(experiment):
     ddf, _, truths = _load(experiment)
     for column, camera_name in (("Pi_pred", "camera_pred"), ("Pi_corrected", "camera_corrected")):
         row = 3
         shape = ddf.images[row][0]
         tensors = {name: value[row].astype(np.float64) for name, value in ddf.tensors.items() if value.shape[0] == 6}
-        rotation, centre = _reference_camera(tensors[camera_name])
+        rotation, centre = cameras.extrinsics(*tensors[camera_name])
         prediction = (BENCHMARK * tensors["scale_pred"] * tensors["L.h3"] - centre) @ rotation.T
-        rotation, centre = _reference_camera(tensors["camera_true"])
+        rotation, centre = cameras.extrinsics(*tensors["camera_true"])
         truth = (BENCHMARK * truths[shape].points.astype(np.float64) - centre) @ rotation.T
         placed = ddf.cloud("L.h3", row, column)
         got = cloud_scores.compare_clouds(placed, truths[shape].benchmark_points()).chamfer_l2_sq
@@ -263,8 +253,7 @@ def test_paper_numbers_are_the_printed_ones():
 @pytest.mark.real
 def test_paper_numbers_are_found_in_the_paper(shared_dir):
     text = (shared_dir / "paper" / "ddf_cvpr2022.tex").read_text(encoding="utf-8")
-    table = text[: text.index(r"\label{tab:si3dr}")].rpartition(r"\begin{tabular}")[2].partition(r"\end{tabular}")[0]
-    second = text[: text.index(r"\label{tab:si3dr1h}")].rpartition(r"\begin{tabular}")[2].partition(r"\end{tabular}")[0]
-    for source, numbers in ((table, paper_results.SI3DR), (second, paper_results.SI3DR1H)):
-        printed = [float(n) for n in re.findall(r"\d+\.\d+", source)]
+    for label, numbers in (("si3dr", paper_results.SI3DR), ("si3dr1h", paper_results.SI3DR1H)):
+        before = text[: text.index(rf"\label{{tab:{label}}}")].rpartition(r"\begin{tabular}")[2]
+        printed = [float(n) for n in re.findall(r"\d+\.\d+", before.partition(r"\end{tabular}")[0])]
         assert printed == [n for category in ("chair", "plane", "car") for line in numbers[category] for n in line]

@@ -1,9 +1,7 @@
 """Numbers of the figures against closed forms, and recipes of their fits."""
 
 import numpy as np
-import pytest
 
-from ddf.core import checks
 from ddf.data.synthetic import showcase
 from ddf.geometry import raycast
 from ddf_lab.figures import distance_figure, figure_fields
@@ -23,8 +21,3 @@ def test_paper_udf_trains_g_v_as_the_paper_does():
     found = distance_figure.candidate_recipe(figure_fields.FiguresConfig(paper_candidates=True))
     assert (found.hidden, found.steps, found.points) == ((128,) * 5, 10_000, 4096)
     assert (found.loop.learning_rate, found.loop.schedule) == (1e-4, "constant")
-
-
-def test_no_steps_are_refused():
-    with pytest.raises(checks.InputError, match="steps must be >= 1; got 0"):
-        figure_fields.FiguresConfig(steps=0)

@@ -103,3 +103,5 @@ def test_test_views_are_the_first_of_the_splits_and_public_shapes_have_their_own
     assert data.views("chair", "train") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
     assert category_data.test_views(data, "chair", 1, 3) == [("b", (2,)), (public, (0, 1, 2))]
     assert category_data.test_views(data, "chair", 2) == [("b", (2, 3)), (public, (0, 1, 2, 3, 4))]
+    with pytest.raises(checks.InputError, match="it has chair"):
+        data.category("plane")

@@ -6,40 +6,26 @@ import json
 import _shapes
 import numpy as np
 import pytest
+from _hard import box
 from PIL import Image
 
 from ddf import cli
 from ddf.core import checks
 from ddf.data import dataset, shapenet
-from ddf.data.public import adding, manifest, packages, shapes
+from ddf.data.public import adding, manifest, shapes
 from ddf.geometry import mesh_io, raycast
-
-SEAT, BACK = ((-0.5, 0.4), (-0.4, 0.5), (0.0, 0.5)), ((-0.5, -0.4), (-0.4, 0.4), (0.5, 1.1))
-
-
-def _box(*spans):
-    lower, upper = np.array(spans).T
-    return _shapes.moved(
-        mesh_io.Mesh((_shapes.cube().vertices + 1) / 2 * (upper - lower), _shapes.cube().faces), 1, lower
-    )
 
 
 def _chair(depth=0.4):
     """A chair of two boxes, facing X, Z up, its seat wider to its left."""
-    return _shapes.joined(_box((SEAT[0][0], depth), *SEAT[1:]), _box(*BACK))
+    return _shapes.joined(box((-0.5, -0.4, 0.0), (depth, 0.5, 0.5)), box((-0.5, -0.4, 0.5), (-0.4, 0.4, 1.1)))
 
 
 @pytest.fixture(autouse=True)
 def one_public_chair(tmp_path, monkeypatch):
     """A manifest of one public chair, a box of 2 x 1 x 1, in a kept package."""
-    for name in ("XDG_CACHE_HOME", "XDG_DATA_HOME"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    data = _shapes.deb(_shapes.pieces())
-    monkeypatch.setattr(packages, "PACKAGES", {"pieces": _shapes.package(data)})
     row = manifest.Row("P__1", "chair", "test", "pieces", "Set.sh3f/a/a.obj", "", "x y z", (), "CC0-1.0", "Ann")
-    monkeypatch.setattr(manifest, "rows", lambda: (row,))
-    (tmp_path / "p.deb").write_bytes(data)
-    packages.keep(packages.PACKAGES["pieces"], manifest.wanted("pieces"), tmp_path / "p.deb")
+    _shapes.keep_pieces(tmp_path, monkeypatch, (row,))
 
 
 @pytest.fixture
@@ -50,8 +36,8 @@ def folder(tmp_path):
     _chair().save(folder / "a chair.glb")
     copy = _shapes.moved(_chair(), 40.0, (9, 0, 3))
     mesh_io.Mesh(copy.vertices * [-1, -1, 1], copy.faces).save(folder / "more" / "copy.stl")
-    _box((0, 1), (0, 2), (0, 1)).save(folder / "public.ply")
-    _box((0, 1), (0, 1), (0, 0.001)).save(folder / "sheet.obj")
+    box((0.0, 0.0, 0.0), (1.0, 2.0, 1.0)).save(folder / "public.ply")
+    box((0.0, 0.0, 0.0), (1.0, 1.0, 0.001)).save(folder / "sheet.obj")
     (folder / "torn.off").write_text("OFF 3 1 0\n0 0 0\n")
     (folder / "notes.txt").write_text("no mesh")
     return folder
