@@ -67,8 +67,8 @@ def _judge(alpha: UInt8[np.ndarray, "h w"], path: Path, masked: bool) -> None:
     if across < _ACROSS or opaque.mean() > _MOST_SHARE:
         told = f"{across} pixels across, {opaque.mean():.0%} of the picture; {_ACROSS} to {_MOST_SHARE:.0%} are needed"
         told = f"at most {alpha.max()} of 255; the object's are {_OPAQUE} or more" if masked and not across else told
-        how = "is masked" if masked else "stands out from the background"
-        raise checks.InputError(f"{path}: no object {how} (what does is {told}){_OTHERWISE}")
+        how = "no object is masked" if masked else "no object stands out from the background"
+        raise checks.InputError(f"{path}: {how} (what does is {told}){_OTHERWISE}")
     if 0 < sum(edge.any() for edge in (opaque[0], opaque[-1], opaque[:, 0], opaque[:, -1])) < 4:  # else trimmed
         LOGGER.warning("%s: the object reaches the border; where it is cut off, expect errors", path)
     near = ndimage.binary_dilation(opaque, np.ones((3, 3)), max(opaque.shape) // _APART or 1)

@@ -134,9 +134,9 @@ def test_the_field_of_three_pictures_is_their_hull(folder, tmp_path, monkeypatch
     record = {"kind": "ddf_image", "train": dataclasses.asdict(train), "section": dataclasses.asdict(config)}
     storage.save_tensors(tmp_path / "hull" / model_files.MODEL, dict(model.state_dict()), record)
     saved = []
-    told = {"points": 0, "faces": 0, "verdict": "", "silhouette_iou": 1.0, "unlike_training": None}
+    made = {"points": 0, "faces": 0, "verdict": "", "silhouette_iou": 1.0, "unlike_training": None}
     save = "ddf.api.reconstruction.Reconstruction.save"
-    monkeypatch.setattr(save, lambda found, _: saved.append(found) or told | {"camera": found.camera})
+    monkeypatch.setattr(save, lambda found, _: saved.append(found) or made | {"camera": found.camera})
     words = ("reconstruct", *_images(folder), tmp_path / "hull", tmp_path, "--together", "--cameras")
     assert frame.main([str(word) for word in (*words, folder / "transforms.json")]) == 0
     points = saved[0].points

@@ -60,10 +60,9 @@ def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
 
 
 def test_missing_own_shapes_are_told_before_a_stage_starts(folder):
-    own = "dataset: {source: own, own: own, categories: {chair: null}}\n"
-    (folder / "configs/mine.yaml").write_text(f"base: smoke\n{own}")
+    (folder / "configs/a.yaml").write_text("base: smoke\ndataset: {source: own, own: own, categories: {chair: null}}\n")
     with pytest.raises(checks.InputError, match=r"own/manifest\.csv: is not there, as `ddf shapes add` writes it"):
-        runner.run("mine")
+        runner.run("a")
 
 
 @pytest.mark.parametrize("name", ["my exp", "$(touch PWN)", "a;b", "a-b"])
