@@ -65,7 +65,7 @@ def _judge(alpha: UInt8[np.ndarray, "h w"], path: Path, masked: bool) -> None:
     boxes = ndimage.find_objects(ndimage.label(opaque, np.ones((3, 3)))[0])
     across = max((side.stop - side.start for box in boxes for side in box), default=0)
     if across < _ACROSS or opaque.mean() > _MOST_SHARE:
-        told = f"{across} pixels across, {opaque.mean():.0%} of the picture; {_ACROSS} to {_MOST_SHARE:.0%} are needed"
+        told = f"{across} pixels across, {opaque.mean():.0%} of all; at least {_ACROSS}, at most {_MOST_SHARE:.0%}"
         told = f"at most {alpha.max()} of 255; the object's are {_OPAQUE} or more" if masked and not across else told
         how = "no object is masked" if masked else "no object stands out from the background"
         raise checks.InputError(f"{path}: {how} (what does is {told}){_OTHERWISE}")
