@@ -1,7 +1,7 @@
 """The commands of `ddf` that need a checkout: `run` and `info`."""
 
 import os
-from pathlib import Path
+from collections import Counter
 from typing import Annotated, Any
 
 from ddf.cli import arguments
@@ -61,8 +61,9 @@ def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
     from ddf_lab.engine import graph
     from ddf_lab.run import Run
 
+    graph.load()  # outside of a checkout that is told first
     experiment = Run.read(config)
-    items = graph.expand(experiment, path=Path(__file__).resolve().parents[2] / graph.PIPELINE)
+    items = graph.expand(experiment)
     parameters = _parameters(experiment)
     cost = _cost(experiment) if experiment.kind == "reconstruction" else None
     largest = max(parameters, key=lambda name: parameters[name])
@@ -84,12 +85,10 @@ def _parameters(experiment: Any) -> dict[str, int]:
 
     from ddf.fields import pddf
     from ddf.fit import fit_settings
-    from ddf.models import encoders, line_field, reconstruction_models, reconstruction_settings
+    from ddf.models import generative_models, line_field, reconstruction_models, reconstruction_settings
     from ddf.training import line_steps
 
     if experiment.kind == "generative":
-        from ddf.models import generative_models
-
         sections = experiment.sections()
         return generative_models.parameter_counts(sections["vae"], sections["gan"])
     if experiment.kind != "reconstruction":
@@ -102,8 +101,6 @@ def _parameters(experiment: Any) -> dict[str, int]:
             "ddf": reconstruction_models.DDFModel(train, field),
             "pc_siren": reconstruction_models.PCSirenModel(train),
             "ddf_image": line_field.ImageDDFModel(train, experiment.section(line_steps.ImageTrainConfig)),
-            "single_shape": pddf.PDDF(pddf.PAPER_SINGLE_SHAPE),
-            "ddf_encoder": encoders.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
         }
     return {name: pddf.count_parameters(model) for name, model in models.items()}
 
@@ -111,12 +108,15 @@ def _parameters(experiment: Any) -> dict[str, int]:
 def _cost(experiment: Any) -> dict[str, Any]:
     """Shapes by category, samples of each, and steps of each training.
 
-    A category of which all shapes are taken is counted once the stage `dataset` has listed them, and null until then.
+    A category of ShapeNet is counted once the stage `dataset` has listed it, and null until then where all is taken.
     """
     from ddf.core import storage
+    from ddf.data import dataset
 
     sections = experiment.sections()
     shapes = dict(sections["dataset"].categories)
+    if sections["dataset"].made:
+        shapes |= Counter(item.category for item in dataset.to_make(sections["dataset"]))
     if experiment.index.exists():
         listed = storage.read_json(experiment.index)["categories"]
         shapes |= {name: len(listed[name]["shapes"]) for name in shapes if name in listed}

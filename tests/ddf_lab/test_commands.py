@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ddf import cli
 from ddf.core import storage
+from ddf.data.public import manifest
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -13,8 +14,8 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_info_counts_and_lists(capsys):
     assert cli.main(["info", str(ROOT / "configs" / "paper.yaml"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    counts = {"ddf": 25_647_367, "pc_siren": 25_645_574, "single_shape": 1_581_572}
-    assert counts.items() <= found["parameters"].items()
+    counts = {"ddf": 25_647_367, "pc_siren": 25_645_574}
+    assert counts.items() <= found["parameters"].items() and "single_shape" not in found["parameters"]
     assert found["stages"][0] == "dataset@paper" and found["stages"][-1] == "report@paper"
     assert "train_ddf@paper-chair" in found["stages"]
     steps = dict.fromkeys(("ddf", "pcsiren", "ddf_image"), 100_000)
@@ -34,11 +35,14 @@ def test_info_of_a_fit_and_of_figures_counts_the_field(capsys):
 
 def test_info_counts_shapes_that_are_listed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    text = (ROOT / "configs" / "smoke.yaml").read_text()
     shutil.copytree(ROOT / "configs", "configs")
-    Path("configs/mine.yaml").write_text(text.replace("{primitives: 12}", "{chair: 5, car: 7}"))
+    shutil.copy(ROOT / "pipeline.yaml", ".")
+    rows = "".join(f"{name},{split}{',' * 11}\n" for name, split in (("a,chair", "train"), ("b,sofa", "train")))
+    storage.write_text(Path("own/manifest.csv"), f"{','.join(manifest.COLUMNS)}\n{rows}")
+    own = "{source: own, own: own, categories: {chair: null, sofa: null}, public: {copies: 4}}"
+    Path("configs/mine.yaml").write_text(f"base: smoke\ndataset: {own}\n")
     shapes = [{"id": name, "train_views": [0], "test_views": []} for name in "abc"]
     storage.write_json(Path("artifacts/mine/dataset/index.json"), {"categories": {"chair": {"shapes": shapes}}})
     assert cli.main(["info", "configs/mine.yaml", "--json"]) == 0
     cost = json.loads(capsys.readouterr().out)["cost"]
-    assert cost["shapes"] == {"chair": 3, "car": 7} and cost["samples_per_shape"] == 8_000
+    assert cost["shapes"] == {"chair": 3, "sofa": 5} and cost["samples_per_shape"] == 8_000

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ddf.reconstruction import one_image, solid
 
 CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("shape.glb", "shape.ply")
+_SEEN = ("azimuth_deg", "elevation_deg", "radius", "unlike_training")
 _TOLERANCE = 2e-3  # of half the longest side: patches come so near to the mesh, whose cells are ten times as large
 
 
@@ -25,7 +26,7 @@ class Reconstruction:
 
     Mesh and field are made when they are first asked for. points: (n, 3), the model's own cloud of the surface. camera:
       azimuth_deg, elevation_deg and radius from which the framed picture seems to be taken; radius in benchmark units,
-      0.57 times those of the frame. view: the object cut out and framed.
+      0.57 times those of the frame. cameras: of every picture, with `unlike`. view: the object cut out and framed.
     kind: what the model knows, by its name. unlike: the share of training images that are more usual than the
       picture; None where the model does not know. seconds: of each part that was made.
     """
@@ -34,11 +35,12 @@ class Reconstruction:
         self._found, self.kind = found, kind
         self.points: Float[np.ndarray, "n 3"] = found.cloud[:n]
         self.view: UInt8[np.ndarray, "s s 4"] = found.view
-        self.unlike, self.seconds = found.score, found.seconds
-        azimuth, elevation, radius = found.camera.tolist()
+        self.unlike, self.seconds = found.scores[0], found.seconds
+        azimuth, elevation, radius = found.cameras[0].tolist()
         self._seen_from = (azimuth, elevation, radius)
-        turned = np.degrees([azimuth, elevation]).tolist()
-        self.camera = {"azimuth_deg": turned[0], "elevation_deg": turned[1], "radius": radius}
+        seen = zip(found.cameras.tolist(), found.scores, strict=True)
+        self.cameras = [dict(zip(_SEEN, (*np.degrees(c[:2]).tolist(), c[2], x), strict=True)) for c, x in seen]
+        self.camera = {name: self.cameras[0][name] for name in _SEEN[:3]}
 
     def __repr__(self) -> str:
         azimuth, elevation, radius = self.camera.values()
@@ -116,6 +118,7 @@ class Reconstruction:
             sheet.save(temporary, "PNG")
         result = {
             "camera": self.camera,
+            "cameras": self.cameras,
             "points": len(self.points),
             "faces": len(mesh.faces),
             "silhouette_iou": round(overlap, 3),
@@ -139,8 +142,8 @@ def reconstruct(
     """The object of a picture, or of several, by a trained model. Needs torch.
 
     Args:
-      image: a PNG, WebP, JPEG or GIF file of any size; the object may stand anywhere in it. Several of one object, for
-        a model of train_ddf_image; what is said of one picture is of the first.
+      image: a PNG, WebP, JPEG, GIF or BMP file of any size; the object may stand anywhere in it. Several of one object,
+        for a model of train_ddf_image; what is said of one picture is of the first.
       model: trained DDF: a name that `ddf models` lists (chair, plane, car), or a folder that `make train` wrote, such
         as artifacts/cpu/train_ddf/chair or artifacts/cpu/train_ddf_image/chair.
       n: points of the cloud, 2 or more; field and camera do not depend on it up to 5,000.

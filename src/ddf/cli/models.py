@@ -104,7 +104,7 @@ def reconstruct(
       95 %).
 
     Args:
-      images: pictures of one object each: PNG, WebP, JPEG or GIF.
+      images: pictures of one object each: PNG, WebP, JPEG, GIF or BMP.
       out: gets the field, shape.glb, shape.ply, cloud.ply, camera.json and picture.png; of several pictures, a folder
         for each.
       together: the pictures are of one object, for a model of train_ddf_image; all files are in `OUT`.
@@ -145,11 +145,16 @@ def _folders(images: Sequence[Path], out: Path) -> list[Path]:
 
 
 def _line(result: Mapping[str, Any]) -> str:
+    from ddf.models import out_of_distribution
+
     view = result["camera"]
     far = result["silhouette_iou"] < _AGREES
     doubt = f"; its outline is not the picture's: they overlap by {result['silhouette_iou']:.2f}" if far else ""
+    unlike = result["unlike_training"] or 0.0
+    bound = out_of_distribution.FAR if unlike >= out_of_distribution.FAR else out_of_distribution.UNUSUAL
+    by = f" (unlike_training {unlike:.2f}, bound {bound:.2f})" if unlike >= bound else ""
     return (
-        f"{result['image']}: {result['verdict']}; seen from {view['azimuth_deg']:.0f},{view['elevation_deg']:.0f},"
+        f"{result['image']}: {result['verdict']}{by}; seen from {view['azimuth_deg']:.0f},{view['elevation_deg']:.0f},"
         f"{view['radius']:.2f}; {result['points']:,} points and {result['faces']:,} triangles in {result['out']}{doubt}"
     )
 
@@ -331,7 +336,7 @@ def export(
       model: trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`;
         several fields for a page alone.
       out: file to write: .onnx, or .html for the page of `ddf view`.
-      graph: field or encoders of a DDF model (field if not given), rays or encode of a model with image features.
+      graph: field or encoders of a DDF model, rays or encode of one with image features, such as chair (the first).
 
     Examples:
       ddf export rabbit field.onnx

@@ -119,7 +119,7 @@ def shapes_add(
     opened, several, noted = (sum(each[name] != value for each in taken) for name, value in usual.items())
     verdict = f"{len(taken)} of {len(taken) + len(left_out)} meshes are in {folder} ({sides}): {opened} with openings, "
     verdict += f"{several} of several pieces, {noted} with a note in manifest.csv; look at contact_sheet.webp there, "
-    verdict += f"then train with dataset.own: {folder}"
+    verdict += f"then train with dataset.own: {folder.absolute()}"
     return {"out": folder.as_posix(), "taken": taken, "left_out": left_out, "table": {}, "verdict": verdict}
 
 

@@ -1,31 +1,35 @@
 """Pictures of an object, cut out: by their own alpha, by a mask, or by what differs from the background at the border.
 
-PNG, WebP, JPEG and GIF of any mode, turned as their EXIF record says. The background is a smooth colour: a polynomial
-of second degree in x and y per channel, fitted to the picture's rim, in which the object hardly lies, by least squares
-of the half that fits best. What differs from it stands out; what does not and touches the rim is background, as are
-holes that fit it closely (derived here).
+PNG, WebP, JPEG, GIF and BMP of any mode, turned as their EXIF record says. The background is a smooth colour: a
+polynomial of second degree in x and y per channel, fitted to the picture's rim, in which the object hardly lies, by
+least squares of the half that fits best. What differs from it stands out; what does not and touches the rim is
+background, as are holes that fit it closely (derived here).
 """
 
+import logging
 import warnings
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from PIL import Image, ImageColor, ImageOps
+from PIL import Image, ImageColor, ImageOps, UnidentifiedImageError
 from scipy import ndimage
 
 from ddf.core import checks
 from ddf.data import shapenet
 
+LOGGER = logging.getLogger(__name__)
 MAX_PIXELS = 50_000_000  # of a picture: 200 MiB as RGBA
 BACKGROUNDS = ("auto", "white", "border")  # or a colour
-_FORMATS = ("PNG", "WEBP", "JPEG", "GIF")
+_FORMATS = ("PNG", "WEBP", "JPEG", "GIF", "BMP")
 _LARGE = 1024  # pixels a side: larger pictures are made smaller, an encoder sees 64 or 224
 _OPAQUE = 128  # alpha from which on a pixel is the object's
 _RIM = 0.03  # of the longer side
 _LEAST, _SPREADS = 20.0, 6.0  # difference that stands out: levels of 255, and in deviations of the rim
 _SPECK = 0.01  # of the largest piece: smaller ones are dust
-_LEAST_SHARE, _MOST_SHARE = 0.001, 0.9  # of the picture, that an object found in it takes
+_ACROSS, _MOST_SHARE = 16, 0.9  # pixels across that some piece of an object has at least; its share of the picture
+_SECOND, _APART = 0.2, 137  # share of the largest piece; the longer side over a gap: of a piece that is another object
+_OTHERWISE = "; give --mask FILE, --background COLOUR (such as white), or a picture whose alpha masks the object"
 
 
 def read(path: Path, mask: Path | None = None, background: str = "auto") -> UInt8[np.ndarray, "h w 4"]:
@@ -40,28 +44,37 @@ def read(path: Path, mask: Path | None = None, background: str = "auto") -> UInt
     """
     picture = _opened(path)
     pixels = np.array(picture)
-    if mask is not None:
-        alpha = _mask(mask, picture.size)
-    elif background == "auto" and pixels[..., 3].min() < 255:
-        alpha = pixels[..., 3]
-    else:
+    alpha = pixels[..., 3] if mask is None else _mask(mask, picture.size)
+    masked = mask is not None or (background == "auto" and int(alpha.min()) < 255)
+    if masked and mask is None and (alpha >= _OPAQUE).mean() > _MOST_SHARE:
+        LOGGER.warning("%s: its alpha masks next to nothing, so the rim tells the background", path)
+        masked = False
+    if not masked:
         flat = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)
         pixels = _standing_out(np.array(flat)[..., :3].astype(np.float64), colour(background))
         alpha = pixels[..., 3]
-        share = float((alpha >= _OPAQUE).mean())
-        if not _LEAST_SHARE <= share <= _MOST_SHARE:
-            raise checks.InputError(
-                f"{path}: no object stands out from the background ({share:.1%} of the picture does); give --mask FILE,"
-                " --background COLOUR, or a picture whose alpha masks it"
-            )
-    if not (alpha >= _OPAQUE).any():
-        what = "lightest pixel of this mask" if mask is not None else "least transparent pixel"
-        raise checks.InputError(
-            f"{mask or path}: the {what} is {alpha.max()} of 255; the object's are {_OPAQUE} or more"
-        )
+    _judge(alpha, mask or path, masked)
     pixels[..., 3] = alpha
     pixels[alpha == 0] = 0
     return pixels
+
+
+def _judge(alpha: UInt8[np.ndarray, "h w"], path: Path, masked: bool) -> None:
+    """InputError of what is no object; a remark where one is cut off, or not alone."""
+    opaque = alpha >= _OPAQUE
+    boxes = ndimage.find_objects(ndimage.label(opaque, np.ones((3, 3)))[0])
+    across = max((side.stop - side.start for box in boxes for side in box), default=0)
+    if across < _ACROSS or opaque.mean() > _MOST_SHARE:
+        told = f"{across} pixels across, {opaque.mean():.0%} of all; at least {_ACROSS}, at most {_MOST_SHARE:.0%}"
+        told = f"at most {alpha.max()} of 255; the object's are {_OPAQUE} or more" if masked and not across else told
+        how = "no object is masked" if masked else "no object stands out from the background"
+        raise checks.InputError(f"{path}: {how} (what does is {told}){_OTHERWISE}")
+    if 0 < sum(edge.any() for edge in (opaque[0], opaque[-1], opaque[:, 0], opaque[:, -1])) < 4:  # else trimmed
+        LOGGER.warning("%s: the object reaches the border; where it is cut off, expect errors", path)
+    near = ndimage.binary_dilation(opaque, np.ones((3, 3)), max(opaque.shape) // _APART or 1)
+    second, first = np.sort(np.bincount(ndimage.label(near)[0][opaque]))[-2:]  # no pixel has label 0
+    if second > _SECOND * first:
+        LOGGER.warning("%s: several objects? The second has %.0f %% of the first's pixels", path, 100 * second / first)
 
 
 def colour(background: str) -> tuple[int, int, int] | None:
@@ -69,11 +82,10 @@ def colour(background: str) -> tuple[int, int, int] | None:
     if background in ("auto", "border"):
         return None
     try:
-        red, green, blue, *_ = ImageColor.getrgb(background)
+        return ImageColor.getrgb(background)[:3]
     except ValueError as error:
         known = f"{', '.join(BACKGROUNDS)}, a colour's name or #rrggbb"
         raise checks.InputError(f"background must be {known}; got {background!r}") from error
-    return red, green, blue
 
 
 def _opened(path: Path) -> Image.Image:
@@ -94,19 +106,18 @@ def _whole(path: Path) -> Image.Image:
         raise checks.InputError(f"{path}: no such image")
     checks.require_content(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's: the size is judged below, a damaged record turns nothing
-            with Image.open(path, formats=_FORMATS) as opened:
-                if opened.width * opened.height > MAX_PIXELS:
-                    raise checks.InputError(
-                        f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: "
-                        "make it smaller"
-                    )
-                return ImageOps.exif_transpose(opened)
+        # Pillow's warnings say nothing new: the size is judged here, a damaged record turns nothing.
+        with warnings.catch_warnings(action="ignore"), Image.open(path, formats=_FORMATS) as opened:
+            if opened.width * opened.height > MAX_PIXELS:
+                size = f"{opened.width} x {opened.height} pixels"
+                raise checks.InputError(f"{path}: {size}; at most {MAX_PIXELS} are read: make it smaller")
+            return ImageOps.exif_transpose(opened)
     except checks.InputError:
         raise
     except shapenet.DAMAGED as error:
-        raise checks.InputError(f"{path}: not a readable image ({error}); {', '.join(_FORMATS)} are read") from error
+        told = "damaged, or of another kind" if isinstance(error, UnidentifiedImageError) else error
+        known = ", ".join(_FORMATS)
+        raise checks.InputError(f"{path}: not a readable image ({told}); {known} are read: save it as PNG") from error
 
 
 def _mask(path: Path, size: tuple[int, int]) -> UInt8[np.ndarray, "h w"]:
@@ -169,8 +180,6 @@ def _holes(
 ) -> Bool[np.ndarray, "h w"]:
     """Pieces within the object whose mean is within half the bound: light parts of it are rarely the background's."""
     numbers = np.arange(1, like.max() + 1)
-    if not len(numbers):
-        return np.zeros_like(outside)
     close = ndimage.mean(apart, like, numbers) <= bound / 2
     return np.isin(like, numbers[close]) & ~outside
 

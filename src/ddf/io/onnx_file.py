@@ -158,7 +158,7 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
         "outputs": graph.meanings,
         "frame": "field frame: the shape's box is centred at 0 and its longest side is 2; directions have length 1",
         "box": [[-1, -1, -1], [1, 1, 1]],
-        "images": "RGBA in [0, 1], rows from the top, transparent pixels black, the object filling a square image",
+        "images": "square RGBA in [0, 1], rows from the top, transparent is black; the object's diagonal is 0.7 sides",
         "ddf_version": extras.version(),
         "model_license": LICENCE,
         **source,

@@ -102,6 +102,7 @@ def read(given: str | Path | Sequence[Any] | Mapping[str, Any], images: Sequence
         content = {str(frame.get("file_path")): frame for frame in content["frames"] if isinstance(frame, Mapping)}
     if isinstance(content, Mapping) and "camera" not in content:
         content = [content[_named(image, content, file)] for image in images]
+    content = content.get("cameras", content) if isinstance(content, Mapping) else content
     entries = list(content) if isinstance(content, list | tuple | np.ndarray) else [content]
     if len(entries) != len(images):
         raise checks.InputError(f"{file}: each picture needs a camera: {len(images)} pictures, {len(entries)} cameras")

@@ -31,17 +31,17 @@ class Reconstructed:
     """What the model makes of an image.
 
     shape: the field, frame of v1; its box is that of its cloud with a margin. cloud: `WHOLE` points or more, frame of
-    v1, in an order of which every first part is a cloud too. camera: azimuth and elevation (radians) and radius
-    (benchmark units), predicted; then the azimuth turned until the silhouette agrees. view: the object as it was
-    framed, which the camera sees. score: how far that lies from the training images (`out_of_distribution`); None where
-    the model's file does not say. seconds: of each part.
+    v1, in an order of which every first part is a cloud too. cameras: azimuth and elevation (radians) and radius
+    (benchmark units) of each picture, predicted; then the azimuth turned until the silhouette agrees. view: the object
+    as it was framed, which the first camera sees. scores: how far each picture lies from the training images
+    (`out_of_distribution`); None where the model's file does not say. seconds: of each part.
     """
 
     shape: framed_field.FramedField
     cloud: Float[np.ndarray, "n 3"]
-    camera: Float[Tensor, "3"]
+    cameras: Float[Tensor, "k 3"]
     view: UInt8[np.ndarray, "s s 4"]
-    score: float | None
+    scores: Sequence[float | None]
     seconds: dict[str, float]
 
 
@@ -81,7 +81,7 @@ def reconstruct(
         framed = framing.encoder_input(cutout.crop(frame, image_size)).to(model_files.device())
     with timed(seconds, "encoders"), torch.no_grad():
         stages, latent, seen_from = reconstruction_models.encode_batch(model, framed)
-    score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
+    scores = [None] if statistics is None else statistics.score(torch.cat(stages, dim=1)).tolist()
     drawn = cloud_projection.USUAL
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
@@ -94,7 +94,7 @@ def reconstruct(
         seen_from = mask_descent.correct_camera(model, batch, seen_from, field_scale, alpha, CAMERA)
         seen_from[:, 0] %= 2 * math.pi
     shape, cloud = placed(model.field, modulations, whole, scale), scale * whole.double().cpu().numpy()
-    return Reconstructed(shape, cloud, seen_from[0], cutout.crop(frame, VIEW), score, seconds)
+    return Reconstructed(shape, cloud, seen_from, cutout.crop(frame, VIEW), scores, seconds)
 
 
 @torch.no_grad()

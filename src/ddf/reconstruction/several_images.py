@@ -31,7 +31,7 @@ def reconstruct(
     seed: int = 0,
     seen_from: Sequence[given_cameras.Camera] | None = None,
 ) -> one_image.Reconstructed:
-    """Field, cloud and camera of the object; camera, view and score are those of the first picture.
+    """Field, cloud and cameras of the object; the view is that of the first picture.
 
     Args:
       pictures: of `cutouts.read`, all of one object. points: that the cloud must have, 2 or more.
@@ -52,7 +52,7 @@ def reconstruct(
         framed = torch.cat([framing.encoder_input(crop) for crop in crops]).to(model_files.device())
     with one_image.timed(seconds, "encoders"), torch.no_grad():
         stages, _, predicted = reconstruction_models.encode_batch(model, framed)
-        score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
+        scores = [None] * len(framed) if statistics is None else statistics.score(torch.cat(stages, dim=1)).tolist()
         given = predicted if seen_from is None else torch.from_numpy(np.stack(told)).to(predicted)
         each = model.views(framed, given)
     if seen_from is None and len(pictures) > 1:
@@ -64,8 +64,8 @@ def reconstruct(
     lower, upper = one_image.box_of(cloud, field.lower, field.upper)
     field = line_field.ImageField(field.decoder, field.views, lower, upper)
     points_v1 = cloud.double().cpu().numpy() / line_field.FIELD_FROM_V1
-    camera, view = each.cameras[0, 0], cutouts[0].crop(frames[0], one_image.VIEW)
-    return one_image.Reconstructed(field, points_v1, camera, view, score, seconds)
+    view = cutouts[0].crop(frames[0], one_image.VIEW)
+    return one_image.Reconstructed(field, points_v1, each.cameras[:, 0], view, scores, seconds)
 
 
 def _framed(

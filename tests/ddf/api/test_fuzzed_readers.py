@@ -76,7 +76,7 @@ objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object></resour
 
 
 def pictures():
-    """Small whole pictures: PNG of several kinds, JPEG, WebP and GIF, some with an EXIF record."""
+    """Small whole pictures: PNG of several kinds, JPEG, WebP, GIF and BMP, some with an EXIF record."""
     rng = np.random.default_rng(1)
     pixels = rng.integers(0, 256, (20, 24, 4)).astype(np.uint8)
     pixels[..., 3] = np.where(np.indices((20, 24)).sum(0) < 24, 255, 0)
@@ -89,6 +89,7 @@ def pictures():
         ("webp", image, {"lossless": True, "exif": exif}),
         ("webp", image, {"quality": 60}),
         ("gif", image.convert("P"), {}),
+        ("bmp", image.convert("RGB"), {}),
     ]
     found = []
     for kind, picture, options in kinds:

@@ -59,6 +59,7 @@ LINES = [
     ("reconstrct a.png", "(did you mean reconstruct?) (see ddf --help)"),
     ("doctor --nothing", "unrecognized arguments: --nothing"),
     ("info", "the following arguments are required"),
+    ("info tiny.yaml", "pipeline.yaml is not here"),
     ("fit --minuts=3 a b", "ddf fit: error: unrecognized arguments: --minuts=3; the options are -h, "),
     ("fit --minuts 3 a b", "(did you mean --minutes?) (see ddf fit --help)"),
     ("fit --kind sin a b", "'sin'; there are patches, sine (did you mean sine?)"),

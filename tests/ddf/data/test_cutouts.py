@@ -60,16 +60,29 @@ def test_a_jpeg_on_a_white_table_a_wall_and_a_mask(tmp_path):
     assert np.abs(colours.astype(int) - truth).mean() < 3  # the wall is taken out of the edges
 
 
-@pytest.mark.parametrize("mode", ["L", "LA", "I;16", "CMYK"])
-def test_pictures_of_every_mode(tmp_path, mode):
+@pytest.mark.parametrize(
+    ("alpha", "left", "told"),
+    [(254, 480, "masks next to"), (255, 480, ""), (255, 0, "reaches the border"), (0, 480, "several objects?")],
+)
+def test_remarks_tell_what_a_picture_lacks(tmp_path, caplog, alpha, left, told):
+    pixels = np.full((768, 1024, 4), (250, 250, 250, alpha), np.uint8)
+    pixels[300:360, left : left + 60] = pixels[300 : 360 - alpha, 700:730] = (120, 70, 30, 255)
+    Image.fromarray(pixels).save(tmp_path / "small.png")
+    assert (cutouts.read(tmp_path / "small.png")[..., 3] >= 128).sum() == (3600 if alpha else 5400)
+    assert told in caplog.text and bool(told) == bool(caplog.text)
+
+
+@pytest.mark.parametrize("name", ["L.png", "LA.png", "I;16.png", "CMYK.jpg", "RGB.bmp"])
+def test_pictures_of_every_mode(tmp_path, name):
+    mode = name[:-4]
     if mode == "LA":
         picture = _object().convert("LA")
     elif mode == "I;16":
         picture = Image.fromarray(257 * np.array(_on(_table()).convert("L")).astype(np.uint16))
     else:
         picture = _on(_table()).convert(mode)
-    picture.save(tmp_path / ("x.jpg" if mode == "CMYK" else "x.png"))
-    assert _apart(tmp_path / ("x.jpg" if mode == "CMYK" else "x.png")) < 0.04
+    picture.save(tmp_path / name)
+    assert _apart(tmp_path / name) < 0.04
 
 
 @pytest.mark.parametrize(
@@ -93,12 +106,20 @@ def test_long_strips_keep_their_place_in_bounded_memory(tmp_path):
 def test_what_cannot_be_cut_out_is_said(tmp_path):
     Image.new("RGB", (40, 40), "red").save(tmp_path / "plain.png")
     Image.new("RGBA", (40, 40)).save(tmp_path / "clear.png")
-    Image.new("L", (90, 40), 255).save(tmp_path / "wide.png")
+    for name, size in (("wide.png", (90, 40)), ("wide.tif", (90, 40)), ("all.png", (40, 40))):
+        Image.new("L", size, 255).save(tmp_path / name)
+    Image.fromarray(RIM[15:55, 25:65].astype(np.uint8)).save(tmp_path / "dark.png")
     Image.new("RGBA", (7200, 7200)).save(tmp_path / "large.png")
     Image.fromarray(RIM[:40, :40].astype(np.uint8)).save(tmp_path / "dark.png")  # several dark values
     cases: tuple[tuple[str, dict[str, Any], str], ...] = (
-        ("plain.png", {}, "no object stands out from the background .0.0% of"),
-        ("clear.png", {}, "least transparent pixel is 0 of 255; the object's are 128 or more"),
+        ("plain.png", {}, "no object stands out from the background .what does is 0 pixels across, 0% of"),
+        ("clear.png", {}, "is masked .what does is at most 0 of 255; the object's are 128 or more.; give --mask"),
+        ("clear.png", {"mask": tmp_path / "wide.tif"}, "wide.tif: not a readable image .damaged, or of another kind.;"),
+        (
+            "plain.png",
+            {"mask": tmp_path / "all.png"},
+            "all.png: no object is masked .what does is 40 pixels across, 100% of",
+        ),
         ("large.png", {}, r"large\.png: 7200 x 7200 pixels; at most 50000000"),
         ("plain.png", {"background": "gren"}, "background must be auto, white, border"),
         ("plain.png", {"mask": tmp_path / "wide.png"}, "wide.png: 90 x 40 pixels, not of the picture"),

@@ -25,7 +25,7 @@ def test_one_picture_and_the_same_twice_with_its_camera_are_one_object(trained):
     once = several_images.reconstruct(trained, [PICTURE], 100, seen_from=camera)
     twice = several_images.reconstruct(trained, [PICTURE, PICTURE], 100, seen_from=camera * 2)
     assert (np.abs(once.cloud - twice.cloud).max(axis=1) < 1e-6).mean() > 0.99  # a tie may be taken either way
-    assert once.camera.tolist() == pytest.approx(np.asarray(camera[0]).tolist()) and once.score is None
+    assert once.cameras[0].tolist() == pytest.approx(np.asarray(camera[0]).tolist()) and once.scores == [None]
 
 
 def test_cameras_turn_until_silhouettes_agree_no_worse(trained):

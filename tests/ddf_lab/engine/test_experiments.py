@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from ddf.core import checks, config
-from ddf_lab.engine import graph
+from ddf_lab.engine import graph, runner
 from ddf_lab.run import Run
 
 SMOKE = _pipeline.ROOT / "configs" / "smoke.yaml"
@@ -57,6 +57,12 @@ def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
     assert not {"report", "train_ddf", "export_onnx", "fit_shape"} & set(stages)
     with pytest.raises(checks.InputError, match=r"the models are of one category; dataset\.categories has"):
         graph.experiment("smoke_generative", ["dataset.categories={chair: 4, car: 4}"])
+
+
+def test_missing_own_shapes_are_told_before_a_stage_starts(folder):
+    (folder / "configs/a.yaml").write_text("base: smoke\ndataset: {source: own, own: own, categories: {chair: null}}\n")
+    with pytest.raises(checks.InputError, match=r"own/manifest\.csv: is not there, as `ddf shapes add` writes it"):
+        runner.run("a")
 
 
 @pytest.mark.parametrize("name", ["my exp", "$(touch PWN)", "a;b", "a-b"])
