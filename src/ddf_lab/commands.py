@@ -48,7 +48,7 @@ def run(
 
 @command("experiment")
 def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
-    """Models, stages and cost of an experiment file, before anything has run.
+    """Models and stages of an experiment file, of a reconstruction the cost too, before anything has run.
 
     Args:
       config: an experiment file, or the name of one in configs/.
