@@ -1,17 +1,21 @@
 """The thing that a picture shows, frame of v1: its closed mesh, and its colours where the picture sees it.
 
 The mesh is made of the field, its cloud and the picture's own outline.
-The field is looked at from all sides (`carved_surface`) and once more, with more weight, by the picture's camera. What
-projects beside the object is empty. Where an opaque pixel has nothing behind it, the likeliest nodes along its rays are
-filled in, if enough looks agree: legs that the field nearly sees stay. Small parts go, but those that the picture shows
-where nothing else is.
+The field is looked at from all sides (`carved_surface`) and once more, with more weight, by the picture's camera. A
+look meets the first of the surfaces that an unsure field says, so the mean of all looks is 0 in front of the surface:
+thick parts end where it is less (by how much was chosen on validation shapes). Parts without such a node end around
+their own least mean: thin legs stay. At the picture's outline the level is high, for the outline itself says where the
+object ends.
+What projects beside the object is empty. Where an opaque pixel has nothing behind it, the likeliest nodes along its
+rays are filled in, if enough looks agree: legs that the field nearly sees stay. Small parts go, but those that the
+picture shows where nothing else is.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 from scipy import ndimage
 
@@ -27,7 +31,9 @@ _CELLS = 80  # along the longest side
 _MARGIN = 0.05  # of the cloud's longest side, around it
 _OWN = 4.0  # weight of the picture's camera, in looks from a side
 _GROWN, _STEEP, _ASKED = 0.15, 1.5, 2.0  # cells beside the outline: of its surface, its slope, how far nodes matter
-_LIKELY, _AS_LIKELY = 2.5, 0.3  # cells: nodes that are filled in, and how much those of a ray may differ
+_THICK, _THIN = -0.8, 0.5  # cells: mean at the surface of thick parts; of thin ones, above the least around
+_ENOUGH = -1.0  # cells: a node that far inside explains its pixels, or one that the outline allows no farther
+_LIKELY, _AS_LIKELY = 1.7, 0.3  # cells: nodes that are filled in, and how much those of a ray may differ
 _AROUND, _WEIGHT = 2.5, 2.0  # cells around a node whose mean makes it likelier, and the weight of that mean
 _LEAST, _SHOWN = 0.01, 20  # of the largest part; nodes that alone explain their pixels
 _NEAR = 0.01  # of the size: a point that far behind what the camera sees is seen too
@@ -72,28 +78,37 @@ def solid(
     directions = cameras.directions_at(*(scale * (np.stack(divmod(used, size)[::-1]) + 0.5))) @ rotation
     seen = look(np.broadcast_to(start, directions.shape).copy(), directions)
     votes.add(seen[back] - np.linalg.norm(nodes[chosen] - start, axis=1), _OWN)
-    found, outside = votes.mean() - carved_surface.LEVEL, _STEEP * beside
+    mean, outside = votes.mean(), _STEEP * beside
+    least = ndimage.minimum_filter(_everywhere(grid, chosen, mean), 3).ravel()[chosen]
+    rim = _THICK + (carved_surface.LEVEL - _THICK) * (1 + beside)  # from one cell within the outline on
+    found = mean - np.clip(np.maximum(least + _THIN, rim), _THICK, carved_surface.LEVEL)
+    explains = (found <= np.maximum(outside, _ENOUGH)) & (beside < 0)
     found = np.maximum(found, outside)
-    covered = np.bincount(pixel[found < 0], minlength=size**2) > 0
+    covered = np.bincount(pixel[explains], minlength=size**2) > 0
     bare = ~ndimage.binary_closing(covered.reshape(size, size)).ravel()[pixel]
-    whole = np.full(np.prod(grid.shape), carved_surface.REACH, np.float32)
-    whole[chosen] = found
-    around = ndimage.gaussian_filter(whole.reshape(grid.shape), _AROUND, truncate=2).ravel()[chosen]
+    around = ndimage.gaussian_filter(_everywhere(grid, chosen, found), _AROUND, truncate=2).ravel()[chosen]
     likely = found + _WEIGHT * around
     best = np.full(size**2, np.inf, found.dtype)
     np.minimum.at(best, pixel, likely)
-    filled = bare & (beside < 0) & (likely < best[pixel] + _AS_LIKELY) & (found < _LIKELY - carved_surface.LEVEL)
-    found = np.where(filled, np.maximum(np.minimum(found, -0.5), outside), found)
-    values = np.full(np.prod(grid.shape), carved_surface.REACH, np.float32)
-    values[chosen] = found
-    part, count = ndimage.label((values < 0).reshape(grid.shape), np.ones((3, 3, 3)))
+    filled = bare & (beside < 0) & (likely < best[pixel] + _AS_LIKELY) & (found < _LIKELY)
+    found = np.where(filled, np.maximum(np.minimum(found, _ENOUGH), outside), found)
+    values = _everywhere(grid, chosen, found)
+    part, count = ndimage.label(values < 0, ndimage.generate_binary_structure(3, 2))  # what the surface joins
     part = part.ravel()[chosen]
     sizes = np.bincount(part, minlength=count + 1)
     large = sizes >= _LEAST * sizes[1:].max(initial=0)
     explained = np.bincount(pixel[large[part] & (part > 0)], minlength=size**2) > 0
     large |= np.bincount(part[~explained[pixel]], minlength=count + 1) >= _SHOWN
-    values[chosen[~large[part]]] = carved_surface.REACH
-    return carved_surface.surface(grid, values.reshape(grid.shape))
+    return carved_surface.surface(grid, _everywhere(grid, chosen, np.where(large[part], found, carved_surface.REACH)))
+
+
+def _everywhere(
+    grid: carved_surface.Grid, chosen: Int[np.ndarray, "n"], values: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "x y z"]:
+    """Values of the chosen nodes on the grid, elsewhere far outside."""
+    whole = np.full(np.prod(grid.shape), carved_surface.REACH, np.float32)
+    whole[chosen] = values
+    return whole.reshape(grid.shape)
 
 
 def _beside(opaque: np.ndarray, scale: float, place: Float[np.ndarray, "2 n"]) -> Float[np.ndarray, "n"]:
