@@ -256,11 +256,6 @@ TABLES: list[tuple[str, str, Fill]] = [  # page, the line above the table, what 
     ("docs/results.md", "Real shapes, predicted camera:", of("real:real", at_camera, "Pi_pred")),
     ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", of("real:real", cameras)),
     ("docs/results.md", "Real shapes, baselines, true camera (more in README):", of("real:real", pairs)),
-    (
-        "docs/results.md",
-        "The same models on procedural test shapes, true camera:",
-        of("real:procedural", at_camera),
-    ),
     ("docs/results.md", "### Where they fail", of("real:real", far)),
     ("README.md", "On procedural shapes:", of("cpu", pairs, 1, False)),
     ("docs/results.md", "### True camera", of("cpu", at_camera)),
