@@ -165,6 +165,17 @@ def test_axis_parallel_and_diagonal_rays_along_cell_borders(block):
     assert np.isinf(ask(block, [[-3.0, 1.001, 0.0], [0.0, 0.0, 3.0]], [[1, 0, 0], [0, 0, 1]])["depth"]).all()
 
 
+@pytest.mark.parametrize("away", [999.0, 1e3 + 1, 1e6, 1e8, 1e12])
+def test_rays_from_far_away_meet_what_near_ones_meet(ball, away):
+    positions, directions = random_rays(300, 0.5, seed=8)
+    near = ask(ball, positions - 3 * directions, directions)
+    starts = positions - away * directions
+    found, shifted = ask(ball, starts, directions), starts + away * directions - positions  # by the rounding of starts
+    assert np.array_equal(found["visibility"], near["visibility"])
+    off = found["depth"] - away - (near["depth"] - 3)
+    assert np.abs(off).max() < 1e-9 + 10 * np.abs(shifted).max() + 1e-15 * away
+
+
 def test_a_mesh_far_away_and_flat_triangles_change_nothing():
     shape = icosphere(3)
     flat = Mesh(np.concatenate([shape.vertices, [[9.0, 9, 9]]]), np.concatenate([shape.faces, [[642, 642, 642]]]))
