@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ddf.core import provenance, storage
+from ddf.core import provenance, seeding, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_file, framed_field
 from ddf.fields.grid import octree, patch_field
@@ -109,7 +109,8 @@ class Split:
 
 def fused(scan: scans.Scan, sensed: bool = True) -> tuple[fused_rays.Fused, Split, dict[str, float]]:
     """The surface that `HELD_OUT` less of the rays have in common, both parts, and what `fit_rays` tells of them."""
-    kept = np.random.default_rng(0).random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
+    random, count = seeding.generator(0, "rays held out"), len(scan.ranges)  # no stream that a cloud was drawn by
+    kept = random.random(count) >= min(HELD_OUT, MOST_HELD_OUT / max(1, count))
     found = fused_rays.fuse(scan.some(kept), sensed)
     facts = {"noise": found.noise, "seen": float(found.passed.mean())}
     LOGGER.info(

@@ -23,6 +23,7 @@ _DAMAGED = (
     *(ValueError, zipfile.BadZipFile, zlib.error, EOFError, OSError),
     *(MemoryError, RuntimeError, LookupError, TypeError, AttributeError, SyntaxError, OverflowError),
 )
+_FARTHEST = 1e15
 _FEW, _GROWTH = 64 << 20, 16  # bytes as float64, and those for a byte of the file: claimed without being read
 
 
@@ -48,6 +49,13 @@ def unit_points(positions: np.ndarray, directions: np.ndarray) -> OrientedPoints
     """As `OrientedPoints`, with directions divided by their lengths: 1e-4 in a length is .1 in a depth of 1000."""
     checked = OrientedPoints(positions, directions)
     return OrientedPoints(checked.positions, directions / np.linalg.norm(directions, axis=-1, keepdims=True))
+
+
+def require_near(positions: Float[np.ndarray, "n 3"]) -> None:
+    """InputError of positions, in half longest sides of a shape, from which float64 directions aim at nothing."""
+    farthest = float(np.abs(positions).max(initial=0.0))
+    if farthest > _FARTHEST:
+        raise checks.InputError(f"positions must be within {_FARTHEST:g} half sides of the shape; got {farthest:.3g}")
 
 
 @dataclass(frozen=True)

@@ -130,6 +130,10 @@ def test_what_no_ray_saw_is_told(of_rays):
     ahead = np.array([[0.0, 0, 1]])
     assert field.seen([[0.0, 0, -1]], ahead).tolist() == [True]
     assert field.seen([[0.0, 0, 0]], ahead).tolist() == [False]
+    asked, out = (str(of_rays[0] / name) for name in ("asked.npz", "answers.npz"))
+    np.savez(asked, positions=[[0.0, 0, -1], [0, 0, 0]], directions=np.repeat(ahead, 2, axis=0))
+    assert cli.main(["query", str(of_rays[0] / "field"), "--rays", asked, "--out", out, "--seen"]) == 0
+    assert np.load(out)["seen"].tolist() == [True, False]
     with pytest.raises(ValueError, match="not fitted to rays"):
         ddf.load("rabbit").seen([[0.0, 0, -1]], ahead)
 
