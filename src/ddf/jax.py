@@ -61,8 +61,6 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
     ) -> ddf_torch.Answer:
         asked = (jnp.asarray(each) for each in (positions, directions))
         positions, directions = ddf_torch.broadcast(jnp.broadcast_arrays, *asked)
-        latent = None if latent is None else jnp.asarray(latent)
-        ddf_torch.require_latent(latent, parameters["prior"][1] if "prior" in parameters else None)
         to_field = jnp.asarray(field_from_mesh, positions.dtype)
         to_field = to_field if pose is None else to_field @ jnp.linalg.inv(jnp.asarray(pose))
         linear, shape = to_field[:3, :3], positions.shape[:-1]
@@ -114,7 +112,7 @@ def _network(own: ddf_torch._Network) -> Within:
         if "modulator" not in parameters:
             return [1.0] * len(omegas)
         mean, basis = (each.astype(kind) for each in parameters["prior"])
-        features = latent = mean if u is None else mean + basis[:, : len(u)] @ u
+        features = latent = mean if u is None else mean + basis[:, : len(u)] @ jnp.asarray(u)
         found = []
         for weight, bias in parameters["modulator"]:
             found.append(jax.nn.softplus(weight @ features + bias))

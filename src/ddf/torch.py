@@ -26,7 +26,6 @@ with extras.named():
 
 Vectors = Float[Tensor, "*batch 3"]
 SOFT = 0.03  # of half the longest side: radius of a ray of patches, as of `ddf.recover_pose`
-_RIGID = 1e-3  # by how much a pose may differ from one of scale, turn and shift
 
 
 class Answer(NamedTuple):
@@ -83,20 +82,21 @@ class Field(nn.Module):
 
         With a pose (4, 4), of scale, turn and shift, the mesh stands there, and rays and answers are of that frame. A
         latent (k) of `of_model` is N(0, I) over objects, on as many axes as wanted; None is the mean shape.
-
-        Raises:
-          ValueError: shapes that do not fit, a value that is not finite, a direction that is not of unit length, a
-            latent of a field of one shape, a pose without gradient that shears or mirrors.
+        ValueError of what is no ray, a latent of one shape, a pose without gradient that shears.
         """
         positions, directions = broadcast(torch.broadcast_tensors, positions, directions)
-        require_latent(latent, getattr(self._ask, "basis", None))
+        basis = getattr(self._ask, "basis", None)
+        if latent is not None and (latent.ndim != 1 or not 0 < len(latent) <= (0 if basis is None else basis.shape[1])):
+            raise checks.InputError(
+                f"latent: none of one shape, of a model a number an axis; got {tuple(latent.shape)}"
+            )
         for name, given in (("positions", positions), ("directions", directions), ("latent", latent)):
             if given is not None and not given.isfinite().all():
                 checks.require_finite(name, given)
         if ((directions.detach().norm(dim=-1) - 1).abs() > checks.UNIT_LENGTH_TOLERANCE).any():
             checks.require_unit("directions", directions)
         if pose is not None and not pose.requires_grad:
-            transforms.Similarity.of_matrix("pose", arrays.to_numpy(pose), _RIGID)
+            transforms.Similarity.of_matrix("pose", arrays.to_numpy(pose), 1e-3)
         to_field = positions.new_tensor(self._field_from_mesh)
         to_field = to_field if pose is None else to_field @ torch.linalg.inv(pose).to(to_field)
         linear, shape = to_field[:3, :3], positions.shape[:-1]
@@ -168,22 +168,14 @@ class _Patches:
         return depth, derivatives.normals(slope, along)
 
 
-def broadcast(library: Callable[..., Any], positions: Any, directions: Any) -> Any:
-    """Both in one shape (*batch, 3), by the function of a library; InputError where there is none."""
-    for name, given in (("positions", positions), ("directions", directions)):
-        checks.require_vectors(name, given)
+def broadcast(library: Callable[..., Any], *given: Any) -> Any:
+    """Positions and directions in one shape (*batch, 3), by a library's function; InputError where there is none."""
+    for name, each in zip(("positions", "directions"), given, strict=True):
+        checks.require_vectors(name, each)
     try:
-        return library(positions, directions)
+        return library(*given)
     except (RuntimeError, ValueError) as error:
-        shapes = f"{tuple(positions.shape)} and {tuple(directions.shape)}"
-        raise checks.InputError(f"positions and directions must fit each other; got {shapes}") from error
-
-
-def require_latent(latent: Any, basis: Any) -> None:
-    """InputError of a latent that has not up to as many numbers as the basis has columns, or has no basis at all."""
-    if latent is not None and (basis is None or latent.ndim != 1 or len(latent) > basis.shape[1]):
-        wanted = "of one shape takes none" if basis is None else f"of all shapes takes up to {basis.shape[1]} in a row"
-        raise checks.InputError(f"latent: a field {wanted}; got shape {tuple(latent.shape)}")
+        raise checks.InputError(f"positions and directions must fit each other: {error}") from error
 
 
 def _among(chosen: Tensor, values: Tensor, empty: float) -> Tensor:

@@ -55,6 +55,10 @@ def test_answers_are_those_of_a_query_for_any_batch_shape_and_both_types(name):
         np.testing.assert_allclose(depth[:, 0], expected["depth"][seen], atol=10 * tolerance)
         np.testing.assert_allclose(normals, expected["normals"][seen], atol=1e3 * tolerance)
         np.testing.assert_allclose(found.weights.detach().sum(-1).reshape(-1)[seen], 1, atol=1e-6)
+    for shape in ((), (0,), (4, 3)):
+        found = ddf.torch.Field(field)(torch.zeros(*shape, 3).requires_grad_(), ways[0].float())
+        assert found.depth.shape == shape == found.depths.shape[:-1]
+        found.depths.sum().backward()
 
 
 def test_network_gradients_first_and_second_are_differences():
@@ -174,39 +178,23 @@ def test_soft_edges_fall_from_one_to_zero_and_push_a_silhouette():
     assert found.weights.detach()[-1].sum() == 0 and found.depth.detach()[-1] == torch.inf
 
 
-@pytest.mark.parametrize("shape", [(), (0,), (2, 0), (4, 3)])
-@pytest.mark.parametrize("make", [_network, lambda: _patches(cube(), None)], ids=["network", "patches"])
-def test_batches_of_none_and_of_one_direction_have_answers_and_gradients(make, shape):
-    starts = (torch.zeros(*shape, 3).double() + torch.tensor([0.1, 0.3, 3.0])).requires_grad_()
-    found = make()(starts, torch.tensor([0.0, 0, -1]).double())
-    assert found.depth.shape == shape and found.depths.shape[:-1] == shape
-    found.depth.nan_to_num(posinf=0).sum().backward()
-    assert starts.grad is not None and starts.grad.isfinite().all() and starts.grad.shape == starts.shape
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"positions": torch.zeros(2, 3)}, r"must fit each other; got \(2, 3\) and \(4, 3\)"),
-        ({"positions": torch.zeros(4, 2)}, "positions must have a last axis of length 3"),
-        ({"positions": torch.full((4, 3), torch.nan)}, "positions must be finite"),
-        ({"directions": torch.full((4, 3), torch.inf)}, "directions must be finite"),
-        ({"directions": torch.ones(4, 3)}, "directions must be unit length"),
-        ({"latent": torch.zeros(3)}, "a field of one shape takes none"),
-        ({"pose": torch.eye(4) + torch.eye(4).roll(1, 1).triu()}, "pose must scale all axes alike"),
-    ],
-)
-def test_what_is_no_ray_pose_or_latent_is_told(change, told):
-    rays = {"positions": torch.zeros(4, 3), "directions": torch.eye(3)[[0, 1, 2, 0]]}
-    with pytest.raises(checks.InputError, match=told):
-        ddf.torch.Field(ddf.load("rabbit"))(**(rays | change))
-
-
 def test_what_is_no_field_and_no_radius_is_told():
     with pytest.raises(checks.InputError, match="give a field of"):
         ddf.torch.Field(3)
     with pytest.raises(checks.InputError, match="soft must be a radius"):
         _patches(cube(), -0.1)
+    field, starts, ways = _patches(cube()), torch.zeros(4, 3), torch.eye(3)[[0, 1, 2, 0]]
+    for given, told in (
+        ((starts[:2], ways), "must fit each other"),
+        ((starts[:, :2], ways), "positions must have a last axis of length 3"),
+        ((starts + torch.nan, ways), "positions must be finite"),
+        ((starts, ways / 0), "directions must be finite"),
+        ((starts, 2 * ways), "directions must be unit length"),
+        ((starts, ways, torch.ones(4, 4).triu() - torch.eye(4, 4).roll(1, 1).triu()), "pose must"),
+        ((starts, ways, None, torch.zeros(3)), "none of one shape"),
+    ):
+        with pytest.raises(checks.InputError, match=told):
+            field(*given)
 
 
 def test_without_torch_the_extra_is_named(monkeypatch):

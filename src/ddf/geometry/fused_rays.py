@@ -27,7 +27,7 @@ _PLANE, _MEAN = 1.8, 0.8  # widths of the Gaussians of planes and of f, in cells
 _LEAST = 0.05  # of the median weight: that of a node that f is known at
 _NEAR = 2.0  # cells: how far off f is known
 _BESIDE = 1.1  # widths: a node so far beside the hits that its planes are of is not on the surface, if rays passed it
-_CLOSED = 4  # cells around hits in which what is open is closed
+_CLOSED, _BLIND = 4, 2  # cells around hits in which what is open is closed; where no ray tells what is empty
 _STRAY_CELLS, _STRAY = 64, 3  # along the longest side; hits fewer than this in 27 cells are strays
 _LINE, _POINT = 1e-4, 1e-9  # of the length and of the coordinates: hits that are less wide span nothing
 _ALONE = 8.5  # what a ray or two add up to in 27 nodes
@@ -84,7 +84,7 @@ def fuse(scan: scans.Scan, sensed: bool = True) -> Fused:
     wide = ndimage.maximum_filter(passed, 3) & ~ndimage.maximum_filter(behind, 3)
     passed = _connected(passed | ahead | wide)
     passed, ended = (passed, ended & (behind | passed)) if sensed else (ahead, ended)
-    told = ndimage.maximum_filter(ended, 2 * _CLOSED + 1) if sensed else ended
+    told = ndimage.maximum_filter(ended, 2 * (_BLIND if scan.hit.all() else _CLOSED) + 1) if sensed else ended
     values = np.where(ended, values, np.where(passed, 1.0, -1.0))
     places, quads = carved_surface.crossings(values, told)
     if not len(places):
@@ -108,10 +108,8 @@ def without_strays(scan: scans.Scan) -> scans.Scan:
         together = around[tuple(place.T)] > _STRAY + 0.5
         kept, found = np.flatnonzero(scan.hit)[inside][together], points[inside][together]
         if len(kept) < FEWEST:
-            raise checks.InputError(
-                f"of {len(points)} hits {len(kept)} have {_STRAY} others within {1.5 * side:.3g}: too far apart for a "
-                "surface"
-            )
+            near = f"{len(kept)} have {_STRAY} others within {1.5 * side:.3g}"
+            raise checks.InputError(f"of {len(points)} hits {near}: too far apart for a surface")
         wide = np.sqrt(np.linalg.eigvalsh(np.cov(found.T)).clip(0))
         if wide[1] <= max(_LINE * wide[2], _POINT * np.abs(found).max()):
             raise checks.InputError(f"the {len(kept)} hits span nothing: they lie in one point or on one line")

@@ -36,8 +36,8 @@ _TUM = {  # fx, fy, cx, cy, pixels' centres at whole numbers
     "freiburg2": (520.9, 521.0, 325.1, 249.7),
     "freiburg3": (535.4, 539.2, 320.1, 247.6),
 }
-_LENSES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "RADIAL", "SIMPLE_RADIAL")  # that bend nothing where all is 0 of
-_BENT = ("k1", "k2", "k3", "k4", "p1", "p2")
+_LENS = ("k1", "k2", "k3", "k4", "p1", "p2", "camera_model")
+_STRAIGHT = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "RADIAL", "SIMPLE_RADIAL")  # where all else is 0
 _GUESS = "PrimeSense, a guess: put a JSON file beside with Open3D's intrinsic_matrix, 9 numbers by columns"
 _PRIMESENSE = (525.0, 525.0, 319.5, 239.5)
 _COUNT = re.compile(r"(?<![\d.])\d[\d,]*(?= ranges| are )")  # in a remark
@@ -160,25 +160,22 @@ def _disagreement(parts: list[scans.Scan]) -> list[str]:
         return []
     first = np.linspace(0, len(fixed) - 2, _PAIRS).astype(int)  # and the next, which sees nearly the same
     frames = [(part, spatial.cKDTree(part.directions)) for part in map(fixed.__getitem__, {*first, *first + 1})]
-    agree, same, through = [], 0, 0
+    counts = np.zeros(4)
     for own, _ in frames:
-        points = own.points[:: 1 + int(own.hit.sum()) // _HITS]
-        agree.append(np.zeros(len(points), bool))
-        for other, tree in frames:
-            if other is not own:
-                way = points - other.positions[0]
-                far = np.linalg.norm(way, axis=1)
-                gap = float(np.median(tree.query(other.directions[:: 1 + len(other.ranges) // _HITS], 2)[0][:, 1]))
-                ray = tree.query(way / np.maximum(far, 1e-300)[:, None], distance_upper_bound=gap)[1]
-                beyond = np.append(other.ranges, np.nan)[ray] - far
-                agree[-1] |= np.abs(beyond) <= _SLACK * far
-                same += int((np.abs(beyond) <= _SLACK * far).sum())
-                through += int((beyond > _SLACK * far).sum())
-    share, hits = float(np.concatenate(agree).mean()), sum(map(len, agree))
-    if (len(fixed) < _SEVERAL or share >= _LITTLE) and not max(same, 0.1 * hits) < through:
+        points, beyond = own.points[:: 1 + int(own.hit.sum()) // _HITS], []
+        for other, tree in (each for each in frames if each[0] is not own):
+            way = points - other.positions[0]
+            far = np.linalg.norm(way, axis=1).clip(1e-300)
+            gap = float(np.median(tree.query(other.directions[:: 1 + len(other.ranges) // _HITS], 2)[0][:, 1]))
+            ray = tree.query(way / far[:, None], distance_upper_bound=gap)[1]
+            beyond.append(np.append(other.ranges, np.nan)[ray] / far - 1)
+        same = np.abs(beyond) <= _SLACK
+        counts += len(points), same.any(axis=0).sum(), same.sum(), (np.array(beyond) > _SLACK).sum()
+    hits, agree, same, through = counts
+    if (len(fixed) < _SEVERAL or agree >= _LITTLE * hits) and through <= max(same, 0.1 * hits):
         return []
     check = "see whether they lead from camera to world, by the axes of their format, in the unit of the depths"
-    return [f"{len(fixed)} frames agree on {share:.0%} of what they see: are their poses right? {check}"]
+    return [f"{len(fixed)} frames agree on {agree / hits:.0%} of what they see: are their poses right? {check}"]
 
 
 def _frame(frame: _Frame, every: int) -> scans.Scan:
@@ -216,24 +213,19 @@ def _nerfstudio(path: Path) -> Iterator[_Frame]:
         raise checks.InputError(f"{file}: must be an object with frames, which are objects")
     key = next((name for name in ("depth_unit_scale_factor", "integer_depth_scale") if name in said), "a step")
     step = float(checks.require_numbers(f"{file}: {key}", said.get(key, _MILLIMETRES), ()))
-    if not step > 0:
-        raise checks.InputError(f"{file}: {key}, the unit in a step of depth, must be above 0; got {step:g}")
     for frame in frames:
         own = said | frame
         if "depth_file_path" in frame:
-            if not isinstance(frame["depth_file_path"], str):
-                raise checks.InputError(f"{file}: depth_file_path must be a name; got {frame['depth_file_path']!r}")
-            bent = [f"{name} {own[name]}" for name in _BENT if own.get(name)]
-            if own.get("camera_model", _LENSES[0]) not in _LENSES or bent:
-                lens = " and ".join(bent) or f"camera_model {own['camera_model']}"
-                raise checks.InputError(f"{file}: {lens}: a lens that bends is not read; undistort the depth images")
             names = ("fl_x", "fl_y", "cx", "cy", "w", "h")
             own.setdefault("fl_y", own.get("fl_x"))
-            if any(own.get(name) is None for name in names) or "transform_matrix" not in own:
-                raise checks.InputError(f"{file}: a frame needs transform_matrix, and {', '.join(names)} or the file")
+            named = isinstance(own["depth_file_path"], str)
+            if any(own.get(name) is None for name in (*names, "transform_matrix")) or not named:
+                raise checks.InputError(f"{file}: a frame needs depth_file_path, transform_matrix, {', '.join(names)}")
+            if bent := [f"{name} {own[name]}" for name in _LENS if own.get(name) and own[name] not in _STRAIGHT]:
+                raise checks.InputError(f"{file}: {', '.join(bent)}: lenses that bend are not read; undistort it")
             fx, fy, cx, cy, w, h = (float(checks.require_numbers(f"{file}: {n}", own[n], ())) for n in names)
-            if min(fx, fy, w, h) <= 0:
-                raise checks.InputError(f"{file}: fl_x, fl_y, w, h must be above 0; got {fx:g}, {fy:g}, {w:g}, {h:g}")
+            if not min(step, fx, fy, w, h) > 0:
+                raise checks.InputError(f"{file}: {key}, fl_x, fl_y, w, h must be above 0; got {step, fx, fy, w, h}")
             pose = checks.require_numbers(f"{file}: transform_matrix", own["transform_matrix"], (4, 4)) @ _OPENGL
             yield _Frame(path / own["depth_file_path"], step, _matrix(fx, fy, cx, cy), pose, (w, h))
 
@@ -242,10 +234,9 @@ def _tum(path: Path, intrinsics: Float[np.ndarray, "3 3"]) -> Iterator[_Frame]:
     truth, images = path / "groundtruth.txt", _lines(path / "depth.txt")
     lines = _lines(truth)
     poses = _table(truth, lines, 8)
-    wrong = ~np.isfinite(poses).all(axis=1) | ~poses[:, 4:].any(axis=1)
-    if wrong.any() or not lines:
-        what = f"no pose in the line {lines[int(wrong.argmax())]!r}" if lines else "holds no pose"
-        raise checks.InputError(f"{truth}: {what}")
+    wrong = [line for line, row in zip(lines, poses, strict=True) if not (np.isfinite(row).all() and row[4:].any())]
+    if wrong or not lines:
+        raise checks.InputError(f"{truth}: holds no pose{f' in the line {wrong[0]!r}' if wrong else ''}")
     times = poses[:, 0]
     for line in images:
         when, _, name = line.partition(" ")

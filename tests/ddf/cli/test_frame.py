@@ -157,9 +157,6 @@ def test_an_interrupted_command_with_a_file_says_that_it_is_not_written(tmp_path
     assert capsys.readouterr().err == f"ddf mesh: interrupted: {kept}\n"
     assert cli.main(["fit", "in.obj", str(tmp_path / "new")]) == 130
     assert f"{tmp_path / 'new'} is not written; start again by: ddf fit" in capsys.readouterr().err
-    (tmp_path / "old.txt").touch()
-    assert cli.main(["fit", "in.obj", str(tmp_path)]) == 130
-    assert f"files in {tmp_path} are whole" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("closed", [(), (1,), (0, 1, 2)])

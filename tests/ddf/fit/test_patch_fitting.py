@@ -80,7 +80,8 @@ def test_damage_is_named_and_what_needs_a_network_refuses_patches(fitted, tmp_pa
     file, codes = tmp_path / "model.safetensors", arrays["codes"].copy()
     alone = np.flatnonzero((codes[:-1] & codes[1:] & 1) == 1)[0] + 1
     codes[alone] |= 1 << 4  # cut by a second patch, which its leaf does not have
-    for changed in ({"codes": arrays["codes"][1:]}, {"codes": codes}, _deep(11), {"cells": arrays["cells"][:-2]}):
+    parts = {"planes": arrays["planes"][:, :2]}, {"bends": np.zeros((1, 3), np.int16)}, {"cells": arrays["cells"][:-2]}
+    for changed in ({"codes": arrays["codes"][1:]}, {"codes": codes}, _deep(11), *parts):
         storage.save_tensors(file, arrays | changed, record)
         with pytest.raises(checks.InputError, match=r"model\.safetensors: .*cells and patches do not fit together"):
             stored_fields.load(file)

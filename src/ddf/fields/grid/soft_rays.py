@@ -55,7 +55,7 @@ def disc() -> Float[Tensor, "k 2"]:
 class _Bundle(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, starts: Tensor, ways: Tensor, off: Tensor, soft: SoftPatches) -> Tensor:
-        asked = (each.reshape(-1, 3).numpy() for each in (starts, ways))
+        asked = starts.reshape(-1, 3).numpy(), ways.reshape(-1, 3).numpy()
         found = soft.field.evaluate(*asked, ("visibility", "depth", "normals"))
         met, depths, normals = (
             torch.from_numpy(found[name]).reshape(*off.shape[:2], *found[name].shape[1:])
