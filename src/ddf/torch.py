@@ -86,10 +86,9 @@ class Field(nn.Module):
         """
         positions, directions = broadcast(torch.broadcast_tensors, positions, directions)
         basis = getattr(self._ask, "basis", None)
-        if latent is not None and (latent.ndim != 1 or not 0 < len(latent) <= (0 if basis is None else basis.shape[1])):
-            raise checks.InputError(
-                f"latent: none of one shape, of a model a number an axis; got {tuple(latent.shape)}"
-            )
+        most = 0 if basis is None else basis.shape[1]
+        if latent is not None and (latent.ndim != 1 or not 0 < len(latent) <= most):
+            raise checks.InputError(f"latent: none of one shape, else up to {most} in a row; got {tuple(latent.shape)}")
         for name, given in (("positions", positions), ("directions", directions), ("latent", latent)):
             if given is not None and not given.isfinite().all():
                 checks.require_finite(name, given)
