@@ -35,7 +35,8 @@ def field(shape: Any) -> tuple[Parameters, Ask]:
 
     Returns:
       parameters, and `ask(parameters, positions, directions, pose=None)`: an `Answer` as of `ddf.torch.Field.forward`,
-      of positions and unit directions (*batch, 3) in the frame and the unit of the mesh, which a pose (4, 4) moves.
+      of positions and unit directions, (*batch, 3) once broadcast, in the frame and the unit of the mesh, which a pose
+      (4, 4) moves.
     Raises:
       ValueError: something else, or a field by ONNX alone.
     """
@@ -58,7 +59,8 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
     def ask(
         parameters: Parameters, positions: Any, directions: Any, pose: Any = None, latent: Any = None
     ) -> ddf_torch.Answer:
-        positions, directions = jnp.asarray(positions), jnp.asarray(directions)
+        asked = (jnp.asarray(each) for each in (positions, directions))
+        positions, directions = ddf_torch.broadcast(jnp.broadcast_arrays, *asked)
         to_field = jnp.asarray(field_from_mesh, positions.dtype)
         to_field = to_field if pose is None else to_field @ jnp.linalg.inv(jnp.asarray(pose))
         linear, shape = to_field[:3, :3], positions.shape[:-1]
@@ -70,7 +72,7 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
         depth = jnp.where(met, jnp.where(met, found.depth, 0.0) / stretch[:, 0], jnp.inf)
         normals = _unit(found.normals @ linear)
         found = found._replace(depth=depth, depths=found.depths / stretch, normals=normals)
-        return ddf_torch.Answer(*(each.reshape(*shape, *each.shape[1:]) for each in found))
+        return ddf_torch.Answer(*(each.reshape((*shape, *each.shape[1:])) for each in found))
 
     return parameters, ask
 

@@ -5,6 +5,7 @@ Gradients go to them, a pose, a latent and a network's parameters; first and sec
 """
 
 import copy
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from jaxtyping import Float
 
 from ddf.api import field as api_field
 from ddf.api import reconstruction
-from ddf.core import checks, extras, shipped_models
+from ddf.core import arrays, checks, extras, shipped_models
 
 with extras.named():
     import torch
@@ -21,7 +22,7 @@ with extras.named():
     from ddf.fields import derivatives, field_values, pddf, shape_field
     from ddf.fields.grid import patch_field, soft_rays
     from ddf.fit import latent_prior
-    from ddf.geometry import rays
+    from ddf.geometry import rays, transforms
 
 Vectors = Float[Tensor, "*batch 3"]
 SOFT = 0.03  # of half the longest side: radius of a ray of patches, as of `ddf.recover_pose`
@@ -45,7 +46,8 @@ class Field(nn.Module):
     """A field of one shape, or of all shapes of a category (`of_model`).
 
     A network's parameters are a copy, to be trained; `double()` evaluates them in float64. Patches have none, are asked
-    on the CPU, and their visibility has first derivatives alone, those of its soft edge.
+    on the CPU, and their visibility is a staircase of 13 values, the share of 12 rays, with the first derivatives of a
+    smooth share.
 
     Args:
       field: of `ddf.load`, `ddf.fit`, `ddf.generate` or `ddf.reconstruct`; else, or by ONNX alone, a ValueError.
@@ -74,13 +76,26 @@ class Field(nn.Module):
         return made
 
     def forward(
-        self, positions: Vectors, directions: Vectors, pose: Tensor | None = None, latent: Tensor | None = None
+        self, positions: Tensor, directions: Tensor, pose: Tensor | None = None, latent: Tensor | None = None
     ) -> Answer:
-        """What is seen from positions along unit directions, in their type.
+        """What is seen from positions along unit directions, (*batch, 3) once broadcast, in their type.
 
         With a pose (4, 4), of scale, turn and shift, the mesh stands there, and rays and answers are of that frame. A
         latent (k) of `of_model` is N(0, I) over objects, on as many axes as wanted; None is the mean shape.
+        ValueError of what is no ray, a latent of one shape, a pose without gradient that shears.
         """
+        positions, directions = broadcast(torch.broadcast_tensors, positions, directions)
+        basis = getattr(self._ask, "basis", None)
+        most = 0 if basis is None else basis.shape[1]
+        if latent is not None and (latent.ndim != 1 or not 0 < len(latent) <= most):
+            raise checks.InputError(f"latent: none of one shape, else up to {most} in a row; got {tuple(latent.shape)}")
+        for name, given in (("positions", positions), ("directions", directions), ("latent", latent)):
+            if given is not None and not given.isfinite().all():
+                checks.require_finite(name, given)
+        if ((directions.detach().norm(dim=-1) - 1).abs() > checks.UNIT_LENGTH_TOLERANCE).any():
+            checks.require_unit("directions", directions)
+        if pose is not None and not pose.requires_grad:
+            transforms.Similarity.of_matrix("pose", arrays.to_numpy(pose), 1e-3)
         to_field = positions.new_tensor(self._field_from_mesh)
         to_field = to_field if pose is None else to_field @ torch.linalg.inv(pose).to(to_field)
         linear, shape = to_field[:3, :3], positions.shape[:-1]
@@ -92,7 +107,7 @@ class Field(nn.Module):
         met = found.depth.detach().isfinite()  # an infinite depth over a length would have no gradient in it
         depth = torch.where(met, torch.where(met, found.depth, 0.0) / stretch[:, 0], torch.inf)
         found = found._replace(depth=depth, depths=found.depths / stretch, normals=normals)
-        return Answer(*(each.reshape(*shape, *each.shape[1:]) for each in found))
+        return Answer(*(each.reshape((*shape, *each.shape[1:])) for each in found))
 
 
 class _Network(nn.Module):
@@ -150,6 +165,16 @@ class _Patches:
             off, steep = x[:, 2] - rows[:, 3] - (bent * x[:, :2]).sum(-1) / 2, (slope * along).sum(-1)  # f, ∇f · v
             depth = depth - (off / torch.where(steep.abs() < 1e-9, torch.inf, steep) if step < 2 else 0)
         return depth, derivatives.normals(slope, along)
+
+
+def broadcast(library: Callable[..., Any], *given: Any) -> Any:
+    """Positions and directions in one shape (*batch, 3), by a library's function; InputError where there is none."""
+    for name, each in zip(("positions", "directions"), given, strict=True):
+        checks.require_vectors(name, each)
+    try:
+        return library(*given)
+    except (RuntimeError, ValueError) as error:
+        raise checks.InputError(f"positions and directions must fit each other: {error}") from error
 
 
 def _among(chosen: Tensor, values: Tensor, empty: float) -> Tensor:

@@ -45,6 +45,8 @@ def test_answers_are_those_of_torch_for_any_batch_shape_compiled_and_mapped(name
     _agree([each.reshape(60, *each.shape[3:]) for each in found], expected, tolerance)
     mapped = jax.vmap(lambda p, v: ask(parameters, p, v, POSE.astype(kind)))(starts, ways)
     _agree(mapped, expected, tolerance)
+    assert ask(parameters, starts[:9, None], ways[:9]).depth.shape == (9, 9)
+    assert ask(parameters, starts[0], ways[0]).normals.shape == (3,)
 
 
 def test_a_latent_gives_the_shapes_of_a_model_with_gradients_of_differences():
@@ -93,3 +95,5 @@ def test_parameters_are_trained_by_their_gradient_and_rays_that_miss_have_none_t
 def test_what_is_no_field_is_an_error():
     with pytest.raises(ValueError, match=r"give a field of ddf\.load"):
         ddf_jax.field(3)
+    with pytest.raises(ValueError, match="must fit each other"):
+        ddf_jax.field(ddf.load("rabbit"))[1]({}, np.zeros((2, 3)), np.eye(3))

@@ -50,6 +50,10 @@ def test_answers_are_those_of_a_query_for_any_batch_shape_and_both_types(name):
         np.testing.assert_allclose(depth[:, 0], expected["depth"][seen], atol=10 * tolerance)
         np.testing.assert_allclose(normals, expected["normals"][seen], atol=1e3 * tolerance)
         np.testing.assert_allclose(found.weights.detach().sum(-1).reshape(-1)[seen], 1, atol=1e-6)
+    for shape in ((), (0,), (4, 3)):
+        found = ddf.torch.Field(field)(torch.zeros(*shape, 3).requires_grad_(), ways[0].float())
+        assert found.depth.shape == shape == found.depths.shape[:-1]
+        found.depths.sum().backward()
 
 
 def test_network_gradients_first_and_second_are_differences():
@@ -174,6 +178,18 @@ def test_what_is_no_field_and_no_radius_is_told():
         ddf.torch.Field(3)
     with pytest.raises(checks.InputError, match="soft must be a radius"):
         _patches(cube(), -0.1)
+    field, starts, ways = _patches(cube()), torch.zeros(4, 3), torch.eye(3)[[0, 1, 2, 0]]
+    for given, told in (
+        ((starts[:2], ways), "must fit each other"),
+        ((starts[:, :2], ways), "positions must have a last axis of length 3"),
+        ((starts + torch.nan, ways), "positions must be finite"),
+        ((starts, ways / 0), "directions must be finite"),
+        ((starts, 2 * ways), "directions must be unit length"),
+        ((starts, ways, torch.ones(4, 4).triu() - torch.eye(4, 4).roll(1, 1).triu()), "pose must"),
+        ((starts, ways, None, torch.zeros(3)), "none of one shape"),
+    ):
+        with pytest.raises(checks.InputError, match=told):
+            field(*given)
 
 
 def test_without_torch_the_extra_is_named(monkeypatch):

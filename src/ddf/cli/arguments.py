@@ -67,7 +67,8 @@ def kept(command: Command, args: argparse.Namespace) -> str:
     out, is_folder = written(command, args)
     if out is None:
         return command.kept
-    return f"files in {out} are whole; start again by:" if is_folder else f"{out} is not written; start again by:"
+    there = is_folder and out.is_dir() and any(not each.name.startswith(".") for each in out.iterdir())
+    return f"files in {out} are whole; start again by:" if there else f"{out} is not written; start again by:"
 
 
 def written(command: Command, args: argparse.Namespace) -> tuple[Path | None, bool]:

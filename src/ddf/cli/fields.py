@@ -180,6 +180,7 @@ def query(
     rays: Rays,
     out: Annotated[Path, Arg("OUT.npz", writes="file")],
     outputs: Outputs = field_outputs.DEFAULT,
+    seen: bool = False,
 ) -> dict[str, Any]:
     """What a field says along given rays: depth, visibility, normals, curvatures.
 
@@ -187,6 +188,7 @@ def query(
 
     Args:
       out: gets one array per output.
+      seen: of a field that was fitted to rays: an array `seen` too, whether these saw all the way up to the answer.
 
     Examples:
       ddf query rabbit --rays rays.npz --out answers.npz
@@ -198,7 +200,10 @@ def query(
     from ddf.geometry import rays as ray_files
 
     points = ray_files.read_npz(rays)
-    found, evaluated = framed_field.query(fields.load(field).framed, points, outputs)
+    shape = fields.load(field)
+    found, evaluated = framed_field.query(shape.framed, points, outputs)
+    if seen:
+        found["seen"] = shape.seen(points.positions, points.directions)
     storage.write_bytes(out, results.npz(found))
     total = len(points.positions)
     return {

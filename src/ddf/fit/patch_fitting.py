@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ddf.core import checks, provenance, storage
+from ddf.core import checks, provenance, seeding, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_file, framed_field
 from ddf.fields.grid import octree, patch_field
@@ -109,12 +109,12 @@ class Split:
 
 def fused(scan: scans.Scan, sensed: bool = True, whose: str = "") -> tuple[fused_rays.Fused, Split, dict[str, float]]:
     """The surface that `HELD_OUT` less of the rays share, both parts, what `fit_rays` tells; `whose` begins errors."""
-    kept = np.random.default_rng(0).random(len(scan.ranges)) >= min(HELD_OUT, MOST_HELD_OUT / max(1, len(scan.ranges)))
+    random, count = seeding.generator(0, "rays held out"), len(scan.ranges)  # no stream that a cloud was drawn by
+    kept = random.random(count) >= min(HELD_OUT, MOST_HELD_OUT / max(1, count))
     try:
         found = fused_rays.fuse(scan.some(kept), sensed)
     except checks.InputError as error:
-        few = f"{scan.hit.sum():,} points: too few, too far apart, or of several frames"
-        raise checks.InputError(f"{whose}{few}; {fused_rays.FEWEST} that lie near others are needed") from error
+        raise checks.InputError(f"{whose}{error}") from error
     facts = {"noise": found.noise, "seen": float(found.passed.mean())}
     LOGGER.info(
         "cells of %.3g, hits %.2g off the surface (deviation); rays passed %.0f%% of the space around",

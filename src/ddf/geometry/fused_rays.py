@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
-from ddf.core import checks
+from ddf.core import checks, seeding
 from ddf.geometry import carved_surface, grid_loops, mesh_io, scans, unsigned_surface
 
 FEWEST = 50  # hits
@@ -27,8 +27,9 @@ _PLANE, _MEAN = 1.8, 0.8  # widths of the Gaussians of planes and of f, in cells
 _LEAST = 0.05  # of the median weight: that of a node that f is known at
 _NEAR = 2.0  # cells: how far off f is known
 _BESIDE = 1.1  # widths: a node so far beside the hits that its planes are of is not on the surface, if rays passed it
-_CLOSED = 4  # cells around hits in which what is open is closed
+_CLOSED, _BLIND = 4, 2  # cells around hits in which what is open is closed; where no ray tells what is empty
 _STRAY_CELLS, _STRAY = 64, 3  # along the longest side; hits fewer than this in 27 cells are strays
+_LINE, _POINT = 1e-4, 1e-9  # of the length and of the coordinates: hits that are less wide span nothing
 _ALONE = 8.5  # what a ray or two add up to in 27 nodes
 _FEW = 0.2  # of the median number of rays through a node
 _SPECK = 0.01  # of the largest free space
@@ -83,7 +84,7 @@ def fuse(scan: scans.Scan, sensed: bool = True) -> Fused:
     wide = ndimage.maximum_filter(passed, 3) & ~ndimage.maximum_filter(behind, 3)
     passed = _connected(passed | ahead | wide)
     passed, ended = (passed, ended & (behind | passed)) if sensed else (ahead, ended)
-    told = ndimage.maximum_filter(ended, 2 * _CLOSED + 1) if sensed else ended
+    told = ndimage.maximum_filter(ended, 2 * (_BLIND if scan.hit.all() else _CLOSED) + 1) if sensed else ended
     values = np.where(ended, values, np.where(passed, 1.0, -1.0))
     places, quads = carved_surface.crossings(values, told)
     if not len(places):
@@ -99,17 +100,23 @@ def without_strays(scan: scans.Scan) -> scans.Scan:
     if len(points) >= FEWEST:
         low, high = np.quantile(points, [0.02, 0.98], axis=0)
         side = float((high - low).max()) / _STRAY_CELLS
-        inside = ((points > low - (high - low) - side) & (points < high + (high - low) + side)).all(axis=1)
+        inside = ((points >= low - (high - low) - side) & (points <= high + (high - low) + side)).all(axis=1)
         place = np.floor((points - points[inside].min(axis=0)) / max(side, 1e-300)).astype(int)[inside]
         counts = np.zeros(place.max(axis=0) + 1)
         np.add.at(counts, tuple(place.T), 1)
         around = ndimage.uniform_filter(counts, 3, mode="constant") * 27
-        kept = np.flatnonzero(scan.hit)[inside][around[tuple(place.T)] > _STRAY + 0.5]
-        if len(kept) >= FEWEST:
-            chosen = ~scan.hit
-            chosen[kept] = True
-            return scan.some(chosen)
-    raise checks.InputError(f"{len(points)} of {len(scan.ranges)} rays met something: too few for a surface")
+        together = around[tuple(place.T)] > _STRAY + 0.5
+        kept, found = np.flatnonzero(scan.hit)[inside][together], points[inside][together]
+        if len(kept) < FEWEST:
+            near = f"{len(kept)} have {_STRAY} others within {1.5 * side:.3g}"
+            raise checks.InputError(f"of {len(points)} hits {near}: too far apart for a surface")
+        wide = np.sqrt(np.linalg.eigvalsh(np.cov(found.T)).clip(0))
+        if wide[1] <= max(_LINE * wide[2], _POINT * np.abs(found).max()):
+            raise checks.InputError(f"the {len(kept)} hits span nothing: they lie in one point or on one line")
+        chosen = ~scan.hit
+        chosen[kept] = True
+        return scan.some(chosen)
+    raise checks.InputError(f"{len(points)} hits: too few for a surface, which takes {FEWEST} or more")
 
 
 def _spacing(points: Float[np.ndarray, "n 3"]) -> float:
@@ -178,7 +185,7 @@ def _passed(scan: scans.Scan, planes: _Planes) -> Bool[np.ndarray, "x y z"]:
     """
     chosen = slice(None)
     if len(scan.ranges) > _MOST_CARVING:
-        chosen = np.random.default_rng(0).permutation(len(scan.ranges))[:_MOST_CARVING]
+        chosen = seeding.generator(0, "rays that carve").permutation(len(scan.ranges))[:_MOST_CARVING]
     starts = (scan.positions[chosen] - planes.origin) / planes.cell
     before = 1.5 + 3 * planes.noise / _GRAZING / planes.cell
     counts = np.zeros(planes.shape, np.int32)

@@ -36,7 +36,13 @@ _TUM = {  # fx, fy, cx, cy, pixels' centres at whole numbers
     "freiburg2": (520.9, 521.0, 325.1, 249.7),
     "freiburg3": (535.4, 539.2, 320.1, 247.6),
 }
+_LENS = ("k1", "k2", "k3", "k4", "p1", "p2", "camera_model")
+_STRAIGHT = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "RADIAL", "SIMPLE_RADIAL")  # where all else is 0
+_GUESS = "PrimeSense, a guess: put a JSON file beside with Open3D's intrinsic_matrix, 9 numbers by columns"
 _PRIMESENSE = (525.0, 525.0, 319.5, 239.5)
+_COUNT = re.compile(r"(?<![\d.])\d[\d,]*(?= ranges| are )")  # in a remark
+_PAIRS, _HITS, _SLACK = 6, 200, 0.03  # of frames, of each, and of the way: compared; right within
+_SEVERAL, _LITTLE = 5, 0.15  # frames; share that right ones agree on: .28 and more, wrong ones .1 and less
 _ABOVE = 0.01  # of the longest side: from where a point with a normal is looked at
 _TURNED = 1e-3  # by how much a pose may differ from one of a rigid camera, which files round
 
@@ -127,15 +133,49 @@ def _folder(path: Path) -> Sensed:
     if not frames:
         raise checks.InputError(f"{path}: none of its depth images has a pose")
     every = math.ceil(math.sqrt(len(frames) * _steps(frames[0].file).size / _MOST))
-    return Sensed(_joined([_frame(each, every) for each in frames]), kind, len(frames))
+    try:
+        return Sensed(_joined([_frame(each, every) for each in frames]), kind, len(frames))
+    except checks.InputError as error:
+        raise checks.InputError(f"{error}; intrinsics are of {_GUESS}" if _GUESS in kind else str(error)) from error
 
 
 def _joined(parts: list[scans.Scan]) -> scans.Scan:
     columns = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("positions", "directions", "ranges")
     )
-    remarks = dict.fromkeys(remark for part in parts for remark in part.remarks)
-    return scans.Scan(*columns, remarks=tuple(remarks))
+    counts: dict[str, list[list[int]]] = {}  # of the same words with other numbers: these are added up
+    for remark in (remark for part in parts for remark in part.remarks):
+        numbers = [int(number.replace(",", "")) for number in _COUNT.findall(remark)]
+        counts.setdefault(_COUNT.sub("{:,}", remark), []).append(numbers)
+    remarks = (words.format(*map(sum, zip(*rows, strict=True))) for words, rows in counts.items())
+    return scans.Scan(*columns, remarks=(*_disagreement(parts), *remarks))
+
+
+def _disagreement(parts: list[scans.Scan]) -> list[str]:
+    """A remark where frames see through what others see, or many see little of it: they do not stand as told."""
+    from scipy import spatial  # not where a file is read
+
+    fixed = [part for part in parts if part.hit.any() and not np.ptp(part.positions, axis=0).any()]
+    if len(fixed) < 2:
+        return []
+    first = np.linspace(0, len(fixed) - 2, _PAIRS).astype(int)  # and the next, which sees nearly the same
+    frames = [(part, spatial.cKDTree(part.directions)) for part in map(fixed.__getitem__, {*first, *first + 1})]
+    counts = np.zeros(4)
+    for own, _ in frames:
+        points, beyond = own.points[:: 1 + int(own.hit.sum()) // _HITS], []
+        for other, tree in (each for each in frames if each[0] is not own):
+            way = points - other.positions[0]
+            far = np.linalg.norm(way, axis=1).clip(1e-300)
+            gap = float(np.median(tree.query(other.directions[:: 1 + len(other.ranges) // _HITS], 2)[0][:, 1]))
+            ray = tree.query(way / far[:, None], distance_upper_bound=gap)[1]
+            beyond.append(np.append(other.ranges, np.nan)[ray] / far - 1)
+        same = np.abs(beyond) <= _SLACK
+        counts += len(points), same.any(axis=0).sum(), same.sum(), (np.array(beyond) > _SLACK).sum()
+    hits, agree, same, through = counts
+    if (len(fixed) < _SEVERAL or agree >= _LITTLE * hits) and through <= max(same, 0.1 * hits):
+        return []
+    check = "see whether they lead from camera to world, by the axes of their format, in the unit of the depths"
+    return [f"{len(fixed)} frames agree on {agree / hits:.0%} of what they see: are their poses right? {check}"]
 
 
 def _frame(frame: _Frame, every: int) -> scans.Scan:
@@ -171,22 +211,32 @@ def _nerfstudio(path: Path) -> Iterator[_Frame]:
     frames = said.get("frames") if isinstance(said, dict) else None
     if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
         raise checks.InputError(f"{file}: must be an object with frames, which are objects")
-    step = said.get("depth_unit_scale_factor", said.get("integer_depth_scale", _MILLIMETRES))
+    key = next((name for name in ("depth_unit_scale_factor", "integer_depth_scale") if name in said), "a step")
+    step = float(checks.require_numbers(f"{file}: {key}", said.get(key, _MILLIMETRES), ()))
     for frame in frames:
         own = said | frame
         if "depth_file_path" in frame:
             names = ("fl_x", "fl_y", "cx", "cy", "w", "h")
             own.setdefault("fl_y", own.get("fl_x"))
-            if any(own.get(name) is None for name in names) or "transform_matrix" not in own:
-                raise checks.InputError(f"{file}: a frame needs transform_matrix, and {', '.join(names)} or the file")
+            named = isinstance(own["depth_file_path"], str)
+            if any(own.get(name) is None for name in (*names, "transform_matrix")) or not named:
+                raise checks.InputError(f"{file}: a frame needs depth_file_path, transform_matrix, {', '.join(names)}")
+            if bent := [f"{name} {own[name]}" for name in _LENS if own.get(name) and own[name] not in _STRAIGHT]:
+                raise checks.InputError(f"{file}: {', '.join(bent)}: lenses that bend are not read; undistort it")
             fx, fy, cx, cy, w, h = (float(checks.require_numbers(f"{file}: {n}", own[n], ())) for n in names)
+            if not min(step, fx, fy, w, h) > 0:
+                raise checks.InputError(f"{file}: {key}, fl_x, fl_y, w, h must be above 0; got {step, fx, fy, w, h}")
             pose = checks.require_numbers(f"{file}: transform_matrix", own["transform_matrix"], (4, 4)) @ _OPENGL
-            yield _Frame(path / own["depth_file_path"], float(step), _matrix(fx, fy, cx, cy), pose, (w, h))
+            yield _Frame(path / own["depth_file_path"], step, _matrix(fx, fy, cx, cy), pose, (w, h))
 
 
 def _tum(path: Path, intrinsics: Float[np.ndarray, "3 3"]) -> Iterator[_Frame]:
     truth, images = path / "groundtruth.txt", _lines(path / "depth.txt")
-    poses = _table(truth, _lines(truth), 8)
+    lines = _lines(truth)
+    poses = _table(truth, lines, 8)
+    wrong = [line for line, row in zip(lines, poses, strict=True) if not (np.isfinite(row).all() and row[4:].any())]
+    if wrong or not lines:
+        raise checks.InputError(f"{truth}: holds no pose{f' in the line {wrong[0]!r}' if wrong else ''}")
     times = poses[:, 0]
     for line in images:
         when, _, name = line.partition(" ")
@@ -203,10 +253,10 @@ def _redwood(path: Path, log: Path, intrinsics: Float[np.ndarray, "3 3"]) -> Ite
     if len(lines) % 5:
         raise checks.InputError(f"{log}: a trajectory has five lines a pose; got {len(lines)}")
     for first in range(0, len(lines), 5):
-        number = int(_table(log, lines[first : first + 1], None)[0, 0])
+        number = float(_table(log, lines[first : first + 1], None)[0, 0])
         if not 0 <= number < len(images):
-            raise checks.InputError(f"{log}: has a pose of image {number}; depth/ has {len(images)}")
-        yield _Frame(images[number], _MILLIMETRES, intrinsics, _table(log, lines[first + 1 : first + 5], 4))
+            raise checks.InputError(f"{log}: has a pose of image {number:g}; depth/ has {len(images)}")
+        yield _Frame(images[int(number)], _MILLIMETRES, intrinsics, _table(log, lines[first + 1 : first + 5], 4))
 
 
 def _lines(file: Path) -> list[str]:
@@ -236,7 +286,7 @@ def _intrinsics(path: Path) -> tuple[Float[np.ndarray, "3 3"], str]:
             matrix[:2, 2] += 0.5
             return matrix, file.name
     known = {name: own for name, own in _TUM.items() if name in path.resolve().name}
-    (whose, found), *_ = [*known.items(), ("PrimeSense (a guess: put Open3D's intrinsic_matrix beside)", _PRIMESENSE)]
+    (whose, found), *_ = [*known.items(), (_GUESS, _PRIMESENSE)]
     return _matrix(*found[:2], found[2] + 0.5, found[3] + 0.5), whose
 
 

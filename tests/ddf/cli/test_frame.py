@@ -155,6 +155,8 @@ def test_an_interrupted_command_with_a_file_says_that_it_is_not_written(tmp_path
     assert cli.main(["mesh", "in.obj", str(out)]) == 130
     kept = f"{out} is not written; start again by: ddf mesh in.obj {out}"
     assert capsys.readouterr().err == f"ddf mesh: interrupted: {kept}\n"
+    assert cli.main(["fit", "in.obj", str(tmp_path / "new")]) == 130
+    assert f"{tmp_path / 'new'} is not written; start again by: ddf fit" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("closed", [(), (1,), (0, 1, 2)])

@@ -39,6 +39,7 @@ def _place(work, fitted):
     ranges = np.where(np.arange(64) % 2, 2.0, np.inf)
     along = np.tile([0.0, 0, -1], (64, 1))
     starts = np.column_stack([np.random.default_rng(0).uniform(-0.3, 0.3, (64, 2)), np.full(64, 2.0)])
+    np.savez(work / "far.npz", positions=1e200 * starts, directions=along)
     np.savez(work / "scan_of_one.npz", positions=starts[0])
     np.savez(work / "scan.npz", positions=starts, directions=along, ranges=ranges)
     (work / "none.ply").write_bytes(mesh_io.points_ply(np.zeros((0, 3))))
@@ -144,6 +145,8 @@ LINES = [
     ("mesh soup.ply out.ply --alpha 2", "alpha must be <= 0.5; got 2.0"),
     ("samples soup.ply out.safetensors --count 0", "--count"),
     ("cast soup.ply --rays none.npz --out out.npz", "none.npz"),
+    ("cast soup.ply --rays far.npz --out out.npz", "positions must be within 1e15 half sides of the shape"),
+    ("query rabbit --rays far.npz --out out.npz", "positions must be within 1e15 half sides of the shape"),
     ("cast soup.ply --rays soup.ply --out out.npz", "not a readable NPZ"),
     ("compare one.ply none.ply", "none.ply"),
     ("compare one.ply one.ply --tau-sq 0", "tau_sq"),

@@ -80,7 +80,8 @@ def test_damage_is_named_and_what_needs_a_network_refuses_patches(fitted, tmp_pa
     file, codes = tmp_path / "model.safetensors", arrays["codes"].copy()
     alone = np.flatnonzero((codes[:-1] & codes[1:] & 1) == 1)[0] + 1
     codes[alone] |= 1 << 4  # cut by a second patch, which its leaf does not have
-    for changed in ({"codes": arrays["codes"][1:]}, {"codes": codes}, _deep(11), {"cells": arrays["cells"][:-2]}):
+    parts = {"planes": arrays["planes"][:, :2]}, {"bends": np.zeros((1, 3), np.int16)}, {"cells": arrays["cells"][:-2]}
+    for changed in ({"codes": arrays["codes"][1:]}, {"codes": codes}, _deep(11), *parts):
         storage.save_tensors(file, arrays | changed, record)
         with pytest.raises(checks.InputError, match=r"model\.safetensors: .*cells and patches do not fit together"):
             stored_fields.load(file)
@@ -130,6 +131,10 @@ def test_what_no_ray_saw_is_told(of_rays):
     ahead = np.array([[0.0, 0, 1]])
     assert field.seen([[0.0, 0, -1]], ahead).tolist() == [True]
     assert field.seen([[0.0, 0, 0]], ahead).tolist() == [False]
+    asked, out = (str(of_rays[0] / name) for name in ("asked.npz", "answers.npz"))
+    np.savez(asked, positions=[[0.0, 0, -1], [0, 0, 0]], directions=np.repeat(ahead, 2, axis=0))
+    assert cli.main(["query", str(of_rays[0] / "field"), "--rays", asked, "--out", out, "--seen"]) == 0
+    assert np.load(out)["seen"].tolist() == [True, False]
     with pytest.raises(ValueError, match="not fitted to rays"):
         ddf.load("rabbit").seen([[0.0, 0, -1]], ahead)
 

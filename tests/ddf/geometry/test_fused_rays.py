@@ -7,6 +7,8 @@ from _sphere_scan import RADIUS, sphere_scan
 from ddf.core import checks
 from ddf.geometry import fused_rays, raycast, scans
 
+PLANE = np.random.default_rng(1).uniform(-1, 1, (20_000, 3)) * [1, 1, 0]
+
 
 def radii(fused: fused_rays.Fused) -> np.ndarray:
     """Of the vertices of the surface."""
@@ -48,10 +50,8 @@ def test_evidence_is_what_rays_passed_through() -> None:
 
 
 def test_plane_seen_from_one_side_stays_open() -> None:
-    random = np.random.default_rng(1)
-    points = np.append(random.uniform(-1, 1, (20_000, 2)), np.zeros((20_000, 1)), axis=1)
     eye = np.array([0.0, 0, 2])
-    fused = fused_rays.fuse(scans.of_points(points, eye))
+    fused = fused_rays.fuse(scans.of_points(PLANE, eye))
     inner = np.abs(fused.mesh.vertices[:, :2]).max(axis=1) < 0.9
     assert np.abs(fused.mesh.vertices[inner, 2]).max() < 0.5 * fused.cell  # but where what is behind the rim begins
     passed, _ = fused.evidence(np.array([[0, 0, 0.05], [0, 0, -0.05]]), 0.01)
@@ -59,14 +59,18 @@ def test_plane_seen_from_one_side_stays_open() -> None:
 
 
 def test_points_without_sensors_close_nothing() -> None:
-    random = np.random.default_rng(1)
-    points = np.append(random.uniform(-1, 1, (20_000, 2)), np.zeros((20_000, 1)), axis=1)
-    down = np.broadcast_to([0.0, 0, -1], points.shape)
-    fused = fused_rays.fuse(scans.Scan(points - 0.02 * down, down, np.full(len(points), 0.02)), sensed=False)
+    down = np.broadcast_to([0.0, 0, -1], PLANE.shape)
+    fused = fused_rays.fuse(scans.Scan(PLANE - 0.02 * down, down, np.full(len(PLANE), 0.02)), sensed=False)
     assert np.abs(fused.mesh.vertices[:, 2]).max() < 1e-9
 
 
-def test_too_few_hits_are_refused() -> None:
-    scan = sphere_scan(1)
-    with pytest.raises(checks.InputError, match="too few for a surface"):
-        fused_rays.fuse(scans.Scan(scan.positions, scan.directions, np.full_like(scan.ranges, np.inf)))
+def test_hits_that_are_no_surface_are_refused_by_their_reason() -> None:
+    parts, down = np.random.default_rng(1).uniform(-1, 1, (500, 3)), np.tile([0.0, 0, -1], (500, 1))
+    for ranges, side, told in (
+        (np.inf, [1, 1, 0], "0 of 500 rays met something: too few for a surface"),
+        (1.0, [0, 0, 0], "the 500 hits span nothing"),
+        (1.0, [1, 0, 0], "the 500 hits span nothing"),
+        (1.0, [1, 1, 0], "have 3 others within .*: too far apart for a surface"),
+    ):
+        with pytest.raises(checks.InputError, match=told):
+            fused_rays.fuse(scans.Scan(0.1 + parts * side, down, np.full(500, ranges)))

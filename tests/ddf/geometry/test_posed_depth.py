@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from _sphere_scan import sphere_scan
 from PIL import Image
 
 from ddf.core import checks
-from ddf.geometry import mesh_io, posed_depth
+from ddf.geometry import mesh_io, posed_depth, scans
 
 HEIGHT, WIDTH, FOCAL, FAR = 6, 8, 10.0, 1.5  # a wall at z = FAR, seen by cameras that look along Z from x = 0 and 0.25
 EYES = np.array([[0.0, 0, 0], [0.25, 0, 0]])
@@ -58,6 +59,21 @@ def test_quaternions_turn_as_tum_says(tmp_path: Path) -> None:
     (tmp_path / "groundtruth.txt").write_text("1.0 0 0 0 0 0.7071 0 0.7071\n")  # 90 degrees about Y: Z goes to X
     open3d_camera(tmp_path)
     assert np.allclose(posed_depth.read(tmp_path).scan.points[:, 0], FAR)
+    for line, told in (("1 0 0 0 0 0 0 0", "holds no pose in the line '1 0 0"), ("# none", "holds no pose$")):
+        (tmp_path / "groundtruth.txt").write_text(line)
+        with pytest.raises(checks.InputError, match=rf"groundtruth\.txt: {told}"):
+            posed_depth.read(tmp_path)
+
+
+def test_frames_that_do_not_stand_as_told_are_told(tmp_path: Path) -> None:
+    scan, wrong = sphere_scan(12, 0.02, 0.1), tmp_path / "wrong"
+    wrong.mkdir()
+    for i, eye in enumerate(np.unique(scan.positions, axis=0)):
+        own = scan.some((scan.positions == eye).all(axis=1))
+        scans.write(own, tmp_path / f"{i}.npz")
+        scans.write(scans.Scan(own.positions, -own.directions, own.ranges), wrong / f"{i}.npz")
+    assert not posed_depth.read(tmp_path).scan.remarks
+    assert "12 frames agree on 0% of what they see: are their poses right?" in posed_depth.read(wrong).told
 
 
 def test_tum_without_a_camera_file_has_that_of_its_name(tmp_path: Path) -> None:
@@ -108,7 +124,11 @@ def test_scans_in_a_folder_are_one(tmp_path: Path) -> None:
         place = np.eye(4)
         place[:3, 3] = eye
         np.savez(tmp_path / f"{i}.npz", depth=depth, intrinsics=matrix, camera_to_scan=place)
+        depth[0, 0] = np.nan  # of the second
     _check_wall(posed_depth.read(tmp_path))
+    np.savez(tmp_path / "2.npz", depth=depth, intrinsics=matrix)
+    nothing, unknown = posed_depth.read(tmp_path).scan.remarks
+    assert nothing.startswith("of 48 ranges 1 are 0: ") and unknown.startswith("of 96 ranges 2 are nan: ")
 
 
 def test_many_pixels_are_thinned_about_the_same_axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,14 +184,30 @@ def test_ply_with_normals_needs_no_sensor(tmp_path: Path) -> None:
     assert posed_depth.is_rays(tmp_path / "cloud.ply")
 
 
+def _frame(path: object = "d.png", **other: object) -> bytes:
+    """A transforms.json of one frame."""
+    camera = {"fl_x": 9, "fl_y": 9, "cx": 4, "cy": 3, "w": 8, "h": 6, "transform_matrix": np.eye(4).tolist()}
+    return json.dumps(camera | other | {"frames": [{"depth_file_path": path}]}).encode()
+
+
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
         ("a.las", b"LASF", "LAS is not read; make an NPZ"),
         ("a.pcd", b"nothing", "holds no points"),
         ("folder/x.txt", b"", "a folder of depth images has"),
-        ("folder/transforms.json", b'{"frames": [{"depth_file_path": "d.png"}]}', "a frame needs transform_matrix"),
+        (
+            "folder/transforms.json",
+            b'{"frames": [{"depth_file_path": "d.png"}]}',
+            "a frame needs depth_file_path, transform_matrix",
+        ),
         ("folder/transforms.json", b"[]", "must be an object with frames"),
+        ("folder/transforms.json", _frame(path=3), "a frame needs depth_file_path"),
+        ("folder/transforms.json", _frame(depth_unit_scale_factor="mm"), "depth_unit_scale_factor must be a number"),
+        ("folder/transforms.json", _frame(depth_unit_scale_factor=-1), r"must be above 0; got \(-1.0, 9"),
+        ("folder/transforms.json", _frame(w=0), "fl_y, w, h must be above 0"),
+        ("folder/transforms.json", _frame(k1=-0.3, p2=0.1), "k1 -0.3, p2 0.1: lenses that bend"),
+        ("folder/transforms.json", _frame(camera_model="OPENCV_FISHEYE"), "camera_model OPENCV_FISHEYE: lenses"),
         ("folder/groundtruth.txt", b"1 2 3", "depth.txt: is not there"),
         ("folder/t.log", b"0 0 1\n1 0 0 0", "five lines a pose"),
     ],

@@ -22,6 +22,7 @@ from ddf.geometry import mesh_io, transforms
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
 MARGIN = 0.02  # between the shape and the cube [-1, 1]³: rays from outside begin on no face
 BOX_MARGIN = 0.01  # between the shape and its box
+FAR, BEFORE = 1e3, 4.0  # starts beyond FAR are moved to BEFORE the point that is nearest to 0: t + STEP is t at 1e8
 CLOUD = 40_000  # points that distances are measured to
 _COLUMNS = {"depth": 0, "normals": slice(1, 4), "mean_curvature": 4, "gaussian_curvature": 5}
 
@@ -72,8 +73,12 @@ class PatchField:
     def met(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> np.ndarray:
         """As `kernels.trace`."""
         tree, (starts, along) = self.tree, (np.require(v, np.float64, ["C", "W"]) for v in (positions, directions))
-        box = np.stack([self.lower, self.upper])
-        return kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
+        way = np.maximum(-(starts * along).sum(axis=1, keepdims=True) - BEFORE, 0.0)
+        way[np.abs(starts).max(axis=1, initial=0.0) <= FAR] = 0.0
+        box, starts = np.stack([self.lower, self.upper]), starts + way * along
+        met = kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
+        met[:, 0] += way[:, 0]
+        return met
 
     def points(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 3"]:
         """Points on the patches, mesh frame, evenly spread by area; InputError where they are fewer than 1."""

@@ -35,8 +35,10 @@ class SoftPatches:
         self, positions: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"], modulations: None = None
     ) -> Float[Tensor, "*batch out"]:
         """Raw outputs, field frame; differentiable once."""
-        raw: Any = _Bundle.apply(positions, directions, self)
-        return raw
+        starts, ways = (each.reshape(-1, 3).double() for each in (positions, directions))
+        off = self.radius * disc() @ torch.stack(derivatives.tangent_basis(ways), 1)  # (n, k, 3)
+        raw: Any = _Bundle.apply(starts[:, None] + off, ways[:, None].expand(off.shape), off.detach(), self)
+        return raw.to(positions).reshape(*positions.shape[:-1], raw.shape[-1])
 
     def depths(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
         """Of the rays of the bundle, 0 of those that meet nothing."""
@@ -52,30 +54,26 @@ def disc() -> Float[Tensor, "k 2"]:
 
 class _Bundle(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, positions: Tensor, directions: Tensor, soft: SoftPatches) -> Tensor:
-        starts, ways = (each.reshape(-1, 3).double() for each in (positions, directions))
-        points, axes = soft.radius * disc(), torch.stack(derivatives.tangent_basis(ways), 1)
-        off = points @ axes  # (n, k, 3)
-        asked = (starts[:, None] + off).reshape(-1, 3), ways.repeat_interleave(COUNT, 0)
-        found = soft.field.evaluate(asked[0].numpy(), asked[1].numpy(), ("visibility", "depth", "normals"))
+    def forward(ctx: Any, starts: Tensor, ways: Tensor, off: Tensor, soft: SoftPatches) -> Tensor:
+        asked = starts.reshape(-1, 3).numpy(), ways.reshape(-1, 3).numpy()
+        found = soft.field.evaluate(*asked, ("visibility", "depth", "normals"))
         met, depths, normals = (
-            torch.from_numpy(found[name]).reshape(len(ways), COUNT, *found[name].shape[1:])
+            torch.from_numpy(found[name]).reshape(*off.shape[:2], *found[name].shape[1:])
             for name in ("visibility", "depth", "normals")
         )
-        slopes = normals / (-normals @ ways[..., None]).clamp_min(_GRAZING)  # ∇_p d = -n / (n · v)
+        slopes = normals / -(normals * ways).sum(-1, keepdim=True).clamp_max(-_GRAZING)  # ∇_p d = -n / (n · v)
         count = met.sum(1, keepdim=True)
         share = (count + 0.5) / (COUNT + 1)
-        tilt = (met[..., None] * off).sum(1) / (points.square().sum() / 2 * share * (1 - share))
+        spread = (soft.radius * disc()).square().sum() / 2 * share * (1 - share)
+        tilt = (met[..., None] * off).sum(1) / spread
         reach = (met * depths).sum(1, keepdim=True) / count.clamp_min(1)
         scores = _NO_WEIGHT * (1 - met)
-        ctx.save_for_backward(*(each.to(positions) for each in (slopes, depths, tilt, reach)))
-        raw = torch.cat((depths, scores[:, :-1] - scores[:, -1:], torch.logit(share)), 1)
-        return raw.to(positions).reshape(*positions.shape[:-1], -1)
+        ctx.save_for_backward(slopes, depths, tilt, reach)
+        return torch.cat((depths, scores[:, :-1] - scores[:, -1:], torch.logit(share)), 1)
 
     @staticmethod
     def backward(ctx: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
         slopes, depths, tilt, reach = ctx.saved_tensors
-        given, shape = upstream[0].flatten(0, -2), (*upstream[0].shape[:-1], 3)
-        of_depths, of_edge = given[:, :COUNT, None] * slopes, given[:, -1:] * tilt
-        of_directions = (depths[..., None] * of_depths).sum(1) + reach * of_edge
-        return (of_depths.sum(1) + of_edge).reshape(shape), of_directions.reshape(shape), None
+        of_depths = upstream[0][:, :COUNT, None] * slopes
+        of_edge = (upstream[0][:, -1:] * tilt)[:, None] / COUNT  # of every ray: those that turning moves add up to 0
+        return of_depths + of_edge, depths[..., None] * of_depths + reach[:, None] * of_edge, None, None

@@ -165,6 +165,15 @@ def test_axis_parallel_and_diagonal_rays_along_cell_borders(block):
     assert np.isinf(ask(block, [[-3.0, 1.001, 0.0], [0.0, 0.0, 3.0]], [[1, 0, 0], [0, 0, 1]])["depth"]).all()
 
 
+@pytest.mark.parametrize("away", [999.0, 1e3 + 1, 1e6, 1e8, 1e12])
+def test_rays_from_far_away_meet_what_near_ones_meet(ball, away):
+    positions, directions = random_rays(300, 0.5, seed=8)
+    starts = positions - away * directions
+    near, far = (ask(ball, each, directions)["depth"] for each in (positions - 3 * directions, starts))
+    rounded = np.abs(starts + away * directions - positions).max() + 1e-16 * away
+    assert np.abs(far - near - away + 3).max() < 1e-9 + 10 * rounded
+
+
 def test_a_mesh_far_away_and_flat_triangles_change_nothing():
     shape = icosphere(3)
     flat = Mesh(np.concatenate([shape.vertices, [[9.0, 9, 9]]]), np.concatenate([shape.faces, [[642, 642, 642]]]))
@@ -228,22 +237,6 @@ def test_distances_of_a_chair_and_of_a_room_with_a_rabbit_are_exact_to_a_thousan
         assert np.abs(distances - exact).mean() < 2e-3 * (high - low).max() / 2
         cosine = (ways * truth).sum(axis=1) / np.maximum(exact, 1e-12)
         assert np.degrees(np.arccos(np.clip(cosine, -1, 1)))[exact > 1e-3].mean() < 3
-
-
-def test_arrays_of_a_file_say_what_is_wrong_with_them():
-    arrays = _arrays(cube())
-    tree = octree.unpack(arrays)
-    assert octree.BASE**3 == tree.base.size and len(tree.patches) == len(tree.sides) == len(tree.centres)
-    for name, broken in {
-        "codes": arrays["codes"][:-1],
-        "cells": arrays["cells"][:-8],
-        "planes": arrays["planes"][:, :2],
-        "bends": np.zeros((1, 3), np.int16),
-    }.items():
-        with pytest.raises(checks.InputError, match="do not fit together"):
-            octree.unpack(arrays | {name: broken})
-    with pytest.raises(checks.InputError, match="codes must be there as uint16"):
-        octree.unpack(arrays | {"codes": arrays["codes"].astype(np.int32)})
 
 
 def test_curvatures_of_a_torus_are_those_of_its_closed_form():
