@@ -76,7 +76,7 @@ LINES = [
     ("fit torus.ply tiny.yaml", "tiny.yaml: is a file; give a folder to write"),
     ("query field --rays none.npz --out out.npz --outputs colour", "must be among visibility, "),
     ("query field --rays none.npz --out out.npz --outputs ,", "--outputs: must be among visibility, "),
-    ("fit one.ply field --force", "one.ply: 3 points: too few, too far apart, or of several frames; 50 that"),
+    ("fit one.ply field --force", "one.ply: 3 hits: too few for a surface, which takes 50 or more"),
     ("points rabbit out.obj", "out.obj: must end in .ply"),
     ("points field out.ply -n 0", "n must be a whole number, 1 or more; got 0"),
     ("surface rabbit out.xyz", "mesh files must end in one of .obj, .ply, .stl, .off, .glb; got .xyz"),

@@ -67,7 +67,7 @@ def test_points_without_sensors_close_nothing() -> None:
 def test_hits_that_are_no_surface_are_refused_by_their_reason() -> None:
     parts, down = np.random.default_rng(1).uniform(-1, 1, (500, 3)), np.tile([0.0, 0, -1], (500, 1))
     for ranges, side, told in (
-        (np.inf, [1, 1, 0], "0 of 500 rays met something: too few for a surface"),
+        (np.inf, [1, 1, 0], "0 hits: too few for a surface"),
         (1.0, [0, 0, 0], "the 500 hits span nothing"),
         (1.0, [1, 0, 0], "the 500 hits span nothing"),
         (1.0, [1, 1, 0], "have 3 others within .*: too far apart for a surface"),
