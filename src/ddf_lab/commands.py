@@ -108,15 +108,16 @@ def _parameters(experiment: Any) -> dict[str, int]:
 def _cost(experiment: Any) -> dict[str, Any]:
     """Shapes by category, samples of each, and steps of each training.
 
-    A category of ShapeNet is counted once the stage `dataset` has listed it, and null until then where all is taken.
+    A category of ShapeNet is counted once the stage `dataset` has listed it, and null until then where all is taken;
+    variations of shapes are counted then too.
     """
     from ddf.core import storage
-    from ddf.data import dataset
 
     sections = experiment.sections()
     shapes = dict(sections["dataset"].categories)
     if sections["dataset"].made:
-        shapes |= Counter(item.category for item in dataset.to_make(sections["dataset"]))
+        rows = Counter(row.category for row in sections["dataset"].rows())
+        shapes = {name: rows[name] + (count or 0) for name, count in shapes.items()}
     if experiment.index.exists():
         listed = storage.read_json(experiment.index)["categories"]
         shapes |= {name: len(listed[name]["shapes"]) for name in shapes if name in listed}

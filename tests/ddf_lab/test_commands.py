@@ -45,4 +45,4 @@ def test_info_counts_shapes_that_are_listed(tmp_path, monkeypatch, capsys):
     storage.write_json(Path("artifacts/mine/dataset/index.json"), {"categories": {"chair": {"shapes": shapes}}})
     assert cli.main(["info", "configs/mine.yaml", "--json"]) == 0
     cost = json.loads(capsys.readouterr().out)["cost"]
-    assert cost["shapes"] == {"chair": 3, "sofa": 5} and cost["samples_per_shape"] == 8_000
+    assert cost["shapes"] == {"chair": 3, "sofa": 1} and cost["samples_per_shape"] == 8_000

@@ -12,6 +12,8 @@ from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
 from ddf.geometry import rays, transforms
 
+FARTHEST = 1e100
+
 
 class Queried:
     """A field or a scene that can be asked along rays, from cameras and for distances."""
@@ -143,7 +145,14 @@ def require_oriented_points(positions: Any, directions: Any) -> rays.OrientedPoi
     starts, along = require_points("positions", positions), require_points("directions", directions)
     if len(starts) != len(along):
         raise checks.InputError(f"positions and directions must be as many; got {len(starts)} and {len(along)}")
+    require_near(starts)
     return rays.unit_points(starts, along)
+
+
+def require_near(positions: Float[np.ndarray, "n 3"]) -> None:
+    """InputError of positions whose squares no float64 holds."""
+    if np.abs(positions).max(initial=0.0) > FARTHEST:
+        raise checks.InputError(f"positions must be within {FARTHEST:g}")
 
 
 def require_poses(name: str, matrices: Any) -> list[transforms.Similarity]:

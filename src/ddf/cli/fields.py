@@ -195,11 +195,13 @@ def query(
       ddf query rabbit-network --rays rays.npz --out answers.npz --outputs depth,mean_curvature
     """
     from ddf.api import field as fields
+    from ddf.api import queries
     from ddf.core import storage
     from ddf.fields import framed_field
     from ddf.geometry import rays as ray_files
 
     points = ray_files.read_npz(rays)
+    queries.require_near(points.positions)
     shape = fields.load(field)
     found, evaluated = framed_field.query(shape.framed, points, outputs)
     if seen:

@@ -99,11 +99,13 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     Examples:
       ddf cast shape.obj --rays rays.npz --out hits.npz
     """
+    from ddf.api import queries
     from ddf.core import storage
     from ddf.geometry import mesh_io, raycast
     from ddf.geometry import rays as ray_files
 
     points = ray_files.read_npz(rays)
+    queries.require_near(points.positions)
     loaded = mesh_io.load(mesh)
     hits = raycast.cast(loaded, points)
     arrays = {"depth": hits.depth, "visible": hits.visible, "normals": hits.normals}

@@ -155,8 +155,10 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     The index changes when a file of the data set does (`parallel.digest`), so who depends on it need not watch them.
     """
     root = out_dir if config.made else real_root(os.environ)
-    listed = to_make(config) if config.made else _real(config, root)
+    listed = _to_make(config) if config.made else _real(config, root)
     entries = {name: _entries(config, name, listed) for name in config.categories}
+    if empty := [name for name, shapes_of_it in entries.items() if not shapes_of_it]:
+        raise checks.InputError(f"categories.{empty[0]}: {config.own} has no such shape; call `ddf shapes add`")
     sides = {(name, entry.id): entry for name, own in entries.items() for entry in own}
     shown = {key for key, entry in sides.items() if entry.train_views or entry.test_views or entry.validation_views}
     items = [item for item in listed if (item.category, item.id) in shown]
@@ -240,15 +242,13 @@ def real_root(environment: Mapping[str, str]) -> Path:
     return root
 
 
-def to_make(config: DatasetConfig) -> list[Item]:
-    """Synthetic, public and own shapes, and copies of those that train; InputError where a category has none."""
+def _to_make(config: DatasetConfig) -> list[Item]:
+    """Synthetic shapes, then public and own ones: all of the categories, and copies of those that train."""
     counts = config.categories.items() if "synthetic" in config.made else ()
     items = [Item(name, write.shape_id(config.seed, name, i), i) for name, count in counts for i in range(count or 0)]
     for row in config.rows():
         copies = config.public.copies if _split(config, row) == "train" else 0
         items += [Item(row.category, shapes.copy_id(row, copy), copy, row) for copy in range(1 + copies)]
-    if empty := set(config.categories) - {item.category for item in items}:
-        raise checks.InputError(f"categories.{min(empty)}: {config.own} has no such shape; call `ddf shapes add`")
     return items
 
 

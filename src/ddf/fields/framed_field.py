@@ -93,7 +93,6 @@ def query(
     """
     positions = field.field_from_mesh.apply(arrays.to_numpy(points.positions))
     directions = field.field_from_mesh.apply_directions(arrays.to_numpy(points.directions))
-    rays.require_near(positions)
     found, evaluated = _query_field_frame(field, positions, directions, outputs)
     return in_mesh_frame(found, field.field_from_mesh), evaluated
 

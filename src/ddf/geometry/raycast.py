@@ -109,7 +109,6 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHit
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     positions, directions = flat(points.positions), flat(points.directions)
-    rays.require_near(scene.local(positions))
     depth, face = scene.first_hits(positions, directions)
     return hits(scene, directions, depth, face, points.positions)
 

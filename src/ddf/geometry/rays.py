@@ -50,12 +50,6 @@ def unit_points(positions: np.ndarray, directions: np.ndarray) -> OrientedPoints
     return OrientedPoints(checked.positions, directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 
 
-def require_near(positions: Float[np.ndarray, "n 3"]) -> None:
-    """InputError of positions, in half longest sides of a shape, from which float64 directions aim at nothing."""
-    if not np.abs(positions).max(initial=0.0) <= 1e15:
-        raise checks.InputError("positions must be within 1e15 half sides of the shape")
-
-
 @dataclass(frozen=True)
 class RayHits(Generic[Array]):
     """What each ray p + t v, t >= 0, meets first.

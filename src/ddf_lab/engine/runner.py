@@ -72,8 +72,6 @@ def _record(experiment: Run, seeds: int, data: str | None) -> None:
         found = storage.checksum(path) if path and path.is_file() else "no file"
         graph.write(folder / "mesh.sha256", f"{found}\n")
     elif experiment.kind != "figures":
-        from ddf.data import dataset
-
         graph.write(folder / "evaluate_seeds" / "count", f"{seeds}\n")
         if experiment.kind == "reconstruction":
             train, how = (experiment.section(class_of(name)) for name in ("train", "ddf_image"))
@@ -81,10 +79,11 @@ def _record(experiment: Run, seeds: int, data: str | None) -> None:
             graph.write(folder / "start.sha256", "".join(f"{storage.checksum(each)}\n" for each in starts if each))
         root = folder / "data_root"
         remembered = folder.with_name(folder.name.partition("+")[0]) / "data_root"  # of what it is a variant of
-        config = experiment.section(dataset.DatasetConfig)
-        if config.own:
-            dataset.to_make(config)  # says what is missing
-            graph.write(root, f"{storage.checksum(config.own.expanduser() / manifest.FILE)}\n")
+        if own := experiment.section(class_of("dataset")).own:
+            table = own.expanduser() / manifest.FILE
+            if not table.is_file():
+                raise checks.InputError(f"{table}: is not there, as `ddf shapes add` writes it")
+            graph.write(root, f"{storage.checksum(table)}\n")
         elif data is not None:
             graph.write(root, f"{Path(data).expanduser().absolute()}\n")
         elif not root.is_file():

@@ -72,8 +72,7 @@ def entries(path: Path, needed: Collection[str] = COLUMNS) -> list[dict[str, str
         if set(needed) <= set(table.fieldnames or ()):
             return [{name: (line.get(name) or "").strip() for name in COLUMNS} for line in table]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        what = "no table in UTF-8" if path.is_file() else "is not there"
-        raise checks.InputError(f"{path}: {what}, as `ddf shapes add` writes it ({error})") from error
+        raise checks.InputError(f"{path}: no table in UTF-8, as `ddf shapes add` writes it ({error})") from error
     raise checks.InputError(f"{path}: must be a table with the columns {', '.join(needed)}")
 
 
@@ -84,8 +83,10 @@ def own(folder: Path, categories: Collection[str]) -> list[Row]:
         name, category, split = each["id"], each["category"], each["split"]
         if split not in SPLITS:
             raise checks.InputError(f"{folder / FILE}: {name}: split must be {', '.join(SPLITS)}; got {split!r}")
-        told = (each[key] for key in ("licence", "author", "checksum", "source"))
-        found.append(Row(name, category, split, OWN, f"{category}/{name}.ply", "", "x y z", (), *told))
+        place = (OWN, f"{category}/{name}.ply", "", "x y z", ())
+        found.append(
+            Row(name, category, split, *place, each["licence"], each["author"], each["checksum"], each["source"])
+        )
     return [row for row in found if row.category in categories]
 
 
