@@ -1,7 +1,5 @@
 """`ddf.torch.Field`: its answers are those of queries, its gradients those of differences and of closed forms."""
 
-import sys
-
 import _models
 import numpy as np
 import pytest
@@ -190,10 +188,3 @@ def test_what_is_no_field_and_no_radius_is_told():
     ):
         with pytest.raises(checks.InputError, match=told):
             field(*given)
-
-
-def test_without_torch_the_extra_is_named(monkeypatch):
-    monkeypatch.delitem(sys.modules, "ddf.torch")
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(checks.InputError, match=r'this needs torch: pip install "directed-distance-fields\[torch\]"'):
-        _ = ddf.__getattr__("torch")

@@ -124,13 +124,9 @@ def test_wrong_input_is_one_value_error(rabbit):
         _ = ddf.lod  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_an_onnx_file_alone_says_what_it_lacks(by_onnx, tmp_path):
+def test_an_onnx_file_alone_says_what_it_lacks(by_onnx):
     with pytest.raises(checks.InputError, match="needs the weights of the field"):
         by_onnx.points(5)
-    file = tmp_path / "alone.onnx"
-    file.write_bytes(b"nothing")
-    with pytest.raises(checks.InputError, match=r"alone\.onnx: not an ONNX file that onnxruntime reads"):
-        ddf.load(file)
 
 
 def test_a_missing_package_is_named_with_its_extra():

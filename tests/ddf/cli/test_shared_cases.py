@@ -8,7 +8,7 @@ from _tiny_fits import SECTION
 from ddf.core import storage
 from ddf.data import cutouts
 from ddf.fields import shape_field
-from ddf.geometry import mesh_io, scans
+from ddf.geometry import mesh_io
 
 pytestmark = pytest.mark.real
 
@@ -35,31 +35,6 @@ def test_a_far_triangle_without_area_moves_neither_samples_nor_fit(cases, tmp_pa
     own = shape_field.load(tmp_path / "fit").record
     for frame in (found["field_from_raw"], record["field_from_raw"], own["field_from_mesh"]):
         assert (frame["scale"], frame["translation"]) == (2, [-1, -1, -1])
-
-
-SCANS = {  # of round4, what is refused and how, or how many hits are read and what of the file is told
-    "d_k4.npz": "are of another image than 64 x 64",
-    "p_tw.png": "'intrinsics' is given twice",
-    "d_inf.npz": (816, ""),
-    "d_mi.npz": (816, "3,280 are -1"),
-    "d16.png": (498, "3,598 are 0"),
-    "l_hwok.npz": (816, ""),
-    "l_nan.npz": (816, "1 are nan"),
-    "l_utm.npz": (816, ""),
-    "p_65535.png": (816, "3,280 are 65535"),
-}
-
-
-@pytest.mark.parametrize("name", SCANS)
-def test_scans_are_read_rightly_or_refused_in_one_line(name, cases, tmp_path, refusal):
-    path, wanted = cases / "round4" / name, SCANS[name]
-    if isinstance(wanted, str):
-        assert wanted in refusal("complete", path, "chair", tmp_path / "out")
-        return
-    scan, (count, told) = scans.read(path), wanted
-    assert scan.hit.sum() == count and told in "".join(scan.remarks) and bool(told) == bool(scan.remarks)
-    least, most = (1.750, 2.328) if name == "d16.png" else (0.974, 1.279)
-    assert (scan.ranges.min(), scan.ranges[scan.hit].max()) == pytest.approx((least, most), abs=1e-3)
 
 
 @pytest.mark.usefixtures("quick_completion")

@@ -254,15 +254,6 @@ def test_closed_pieces_whose_boxes_meet_are_kept_unless_their_surfaces_do(name, 
         assert (f"{held} of its parts lie inside others" in done.verdict) == (held > 0)
 
 
-@pytest.mark.real
-def test_a_cube_in_the_slot_of_a_comb_is_kept(shared_dir):
-    raw = mesh_io.load(shared_dir / "cases" / "round3" / "comb_and_cube.obj")
-    done = _prepared(raw)
-    assert not done.wrapped and len(done.mesh.faces) == 168
-    volume = mesh_topology.volumes(done.mesh).sum() / done.field_from_raw.scale**3
-    assert volume == pytest.approx(111.000064, rel=1e-9)
-
-
 def test_closed_meshes_that_flat_triangles_or_pairs_hold_together_are_kept():
     box, plate = cube(), _plate((-1, -1, 0), (1, 1, 0))
     middle = box.vertices[box.faces[0, [0, 1]]].mean(axis=0)  # cut one side of an edge alone: a flat triangle closes it

@@ -12,7 +12,8 @@ from ddf.core import checks
 from ddf.geometry import mesh_io, posed_depth, scans
 
 HEIGHT, WIDTH, FOCAL, FAR = 6, 8, 10.0, 1.5  # a wall at z = FAR, seen by cameras that look along Z from x = 0 and 0.25
-EYES = np.array([[0.0, 0, 0], [0.25, 0, 0]])
+POSES = np.tile(np.eye(4), (2, 1, 1))
+POSES[1, 0, 3] = 0.25
 
 
 def depths(file: Path, step: float, value: float = FAR) -> None:
@@ -35,7 +36,7 @@ def _check_wall(found: posed_depth.Sensed) -> None:
     scan = found.scan
     assert found.frames == 2 and len(scan.ranges) == 2 * (HEIGHT * WIDTH - 1)
     assert np.allclose(scan.points[:, 2], FAR)
-    assert np.array_equal(np.unique(scan.positions, axis=0), EYES)
+    assert np.array_equal(np.unique(scan.positions, axis=0), POSES[:, :3, 3])
     half = FAR * (WIDTH - 1) / 2 / FOCAL
     assert np.isclose(scan.points[:, 0].min(), -half) and np.isclose(scan.points[:, 0].max(), 0.25 + half)
     assert "frames 2, rays 94, hits 94 in a box of " in found.told
@@ -78,7 +79,8 @@ def test_frames_that_do_not_stand_as_told_are_told(tmp_path: Path) -> None:
 
 def test_tum_without_a_camera_file_has_that_of_its_name(tmp_path: Path) -> None:
     folder = tmp_path / "rgbd_dataset_freiburg1_xyz"
-    Image.fromarray(np.full((480, 640), 5000, np.uint16)).resize((640, 480)).save(_made(folder / "depth") / "1.png")
+    (folder / "depth").mkdir(parents=True)
+    Image.fromarray(np.full((480, 640), 5000, np.uint16)).save(folder / "depth/1.png")
     (folder / "depth.txt").write_text("1.0 depth/1.png\n")
     (folder / "groundtruth.txt").write_text("1.0 0 0 0 0 0 0 1\n")
     found = posed_depth.read(folder)
@@ -86,17 +88,10 @@ def test_tum_without_a_camera_file_has_that_of_its_name(tmp_path: Path) -> None:
     assert "a guess" in posed_depth.read(folder.rename(tmp_path / "room")).told
 
 
-def _made(folder: Path) -> Path:
-    folder.mkdir(parents=True)
-    return folder
-
-
 def test_nerfstudio(tmp_path: Path) -> None:
     frames = []
-    for i, eye in enumerate(EYES):
+    for i, pose in enumerate(POSES @ np.diag([1.0, -1, -1, 1])):  # looking along Z by OpenGL's axes
         depths(tmp_path / f"depth/{i}.png", 0.001)
-        pose = np.diag([1.0, -1, -1, 1])  # looking along Z by OpenGL's axes
-        pose[:3, 3] = eye
         frames.append({"file_path": f"images/{i}.png", "depth_file_path": f"depth/{i}.png"})
         frames[-1]["transform_matrix"] = pose.tolist()
     camera = {"fl_x": 2 * FOCAL, "fl_y": 2 * FOCAL, "cx": WIDTH, "cy": HEIGHT, "w": 2 * WIDTH, "h": 2 * HEIGHT}
@@ -106,10 +101,8 @@ def test_nerfstudio(tmp_path: Path) -> None:
 
 def test_redwood(tmp_path: Path) -> None:
     lines = []
-    for i, eye in enumerate(EYES):
+    for i, pose in enumerate(POSES):
         depths(tmp_path / f"depth/{i:05d}.png", 0.001)
-        pose = np.eye(4)
-        pose[:3, 3] = eye
         lines += [f"{i} {i} {i + 1}", *(" ".join(f"{value:.8f}" for value in row) for row in pose)]
     (tmp_path / "trajectory.log").write_text("\n".join(lines))
     open3d_camera(tmp_path)
@@ -120,10 +113,8 @@ def test_scans_in_a_folder_are_one(tmp_path: Path) -> None:
     matrix = [[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]]
     depth = np.full((HEIGHT, WIDTH), FAR)
     depth[0, 0] = 0
-    for i, eye in enumerate(EYES):
-        place = np.eye(4)
-        place[:3, 3] = eye
-        np.savez(tmp_path / f"{i}.npz", depth=depth, intrinsics=matrix, camera_to_scan=place)
+    for i, pose in enumerate(POSES):
+        np.savez(tmp_path / f"{i}.npz", depth=depth, intrinsics=matrix, camera_to_scan=pose)
         depth[0, 0] = np.nan  # of the second
     _check_wall(posed_depth.read(tmp_path))
     np.savez(tmp_path / "2.npz", depth=depth, intrinsics=matrix)

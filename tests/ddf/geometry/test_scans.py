@@ -76,7 +76,6 @@ BAD = {
     "two kinds": (LENS | {"points": np.ones((3, 3)), "sensors": np.zeros(3)}, "one of .* got depth, intrinsics, p"),
     "one kind and a half": (RAY | {"points": np.ones((3, 3))}, "one of "),
     "unknown array": (LENS | {"camera_to_world": np.eye(4)}, "unknown key 'camera_to_world'.*mean camera_to_scan"),
-    "extrinsics": (LENS | {"extrinsics": np.eye(4)}, "unknown key 'extrinsics'"),
     "points with a camera": (
         {"points": np.ones((3, 3)), "sensors": np.zeros(3), "camera_to_scan": np.eye(4)},
         "points: unknown key 'camera_to_scan'",
@@ -252,18 +251,14 @@ BAD_PNG = {
     "broken JSON": (GREY, "{", "view.json: not valid JSON"),
     "deep JSON": (GREY, "[" * 100_000, "view.json: not valid JSON"),
     "a list": (GREY, "[]", "must be a JSON object"),
-    "a key twice": (GREY, '{"intrinsics": 1, "intrinsics": 2}', "'intrinsics' is given twice"),
     "no intrinsics": (GREY, {"depth_scale": 1}, "intrinsics"),
     "words": (GREY, SAID | {"depth_scale": "0.001"}, "depth_scale must be a number; got '0.001'"),
     "true": (GREY, SAID | {"depth_scale": True}, "depth_scale must be a number; got True"),
-    "true inside": (GREY, {"intrinsics": [[40, 0, 15], [0, 40, 12], [0, 0, True]]}, "matrix of numbers"),
     "scale": (GREY, SAID | {"depth_scale": 0}, "must be above 0, 100 at most; got 0"),
     "inverse scale": (GREY, SAID | {"depth_scale": 1000}, "perhaps its inverse, 0.001, is meant"),
     "huge scale": (GREY, SAID | {"depth_scale": 10**400}, "depth_scale must be finite"),
     "unknown key": (GREY, SAID | {"camera_to_world": 1}, r"'camera_to_world'.*\(did you mean camera_to_scan\?\)"),
-    "distortion": (GREY, SAID | {"distortion": [0.1, 0, 0, 0]}, "unknown key 'distortion'"),
     "ragged": (GREY, {"intrinsics": [[40, 0], [0], 1]}, "intrinsics must be a 3x3 matrix of numbers"),
-    "another image": (GREY[:8, :8], SAID, "view.json: intrinsics .* of another image than 8 x 8"),
     "another size": (GREY, SAID | {"width": 60}, r"another width or height \(60\) than 30 x 24"),
 }
 

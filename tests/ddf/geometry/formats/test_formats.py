@@ -42,8 +42,6 @@ GOOD = {
     "utf16.obj": OBJ.encode("utf-16"),
     "utf16be.obj": b"\xfe\xff" + OBJ.encode("utf-16-be"),
     "utf32.obj": OBJ.encode("utf-32"),
-    "utf16.off": ("OFF\n" + OFF).encode("utf-16"),
-    "utf16.stl": STL.encode("utf-16"),
     "cr.obj": OBJ.replace("\n", "\r").encode(),
     "crlf.obj": OBJ.replace("\n", "\r\n").encode(),
     "cr.off": ("OFF\n" + OFF).replace("\n", "\r").encode(),
@@ -64,6 +62,7 @@ GOOD = {
     "comments.off": ("OFF # made by\n\n# counts\n" + OFF.replace("0 0 0\n", "0 0 0 # origin\n\n", 1)).encode(),
     "colours.off": ("COFF\n" + OFF.replace("\n4 ", " 255 0 0 255\n4 ", 1)).encode(),
     "no_edges.off": ("OFF\n" + OFF.replace("8 6 0", "8 6")).encode(),
+    "mixed.off": ("OFF\n" + OFF.replace("8 6 0", "8 7 0").replace("4 0 3 2 1\n", "3 0 3 2\n3 0 2 1\n")).encode(),
     "blank.ply": PLY.replace("0 0 0\n", "0 0 0\n\n", 1).encode(),
     "solid.stl": b"",
     "capitals.stl": STL.upper().encode(),
@@ -95,6 +94,7 @@ _SOLID = GOOD["solid.stl"]
 REFUSED = {
     "empty.obj": (b"", "empty"),
     "blank.stl": (b"\0" * 100, "empty"),
+    "pointer.stl": (b"version https://git-lfs.github.com/spec/v1\n", r"pointer\.stl: a Git LFS pointer"),
     "text.obj": (b"hello\nworld\n", "no triangles"),
     "range.obj": (b"v 0 0 0\nf 1 2 3\n", "uses vertex 3"),
     "zero.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "indices start at 1"),
@@ -322,49 +322,6 @@ def test_obj_fourth_coordinates_are_told(plain):
 @pytest.mark.parametrize("letters", [75, 5000, 100_000])
 def test_stl_text_is_known_however_long_its_first_line(letters):
     assert len(mesh_io.parse(STL.replace("solid", "solid " + "x" * letters, 1).encode(), ".stl").faces) == 12
-
-
-CUBES = """
-round3/morph_node_weights.glb round3/nonunit_quat.glb round3/null_padded_json.glb round3/pctname.3mf
-glued.off bom_spare.obj utf16.obj comment_spare.obj upper.stl triquad_bin.ply tristrips.ply cr.ply
-"""
-SHARED = {
-    "round3/dup_ids.dae": (24, 30.0, 9.0),
-    "round3/w2.obj": (12, 24.0, 8.0),
-    "L2.obj": (20, 14.0, 3.0),
-    "hexprism.off": (20, None, 2.59808),
-}  # triangles, area, volume
-SHARED |= dict.fromkeys(CUBES.split(), (12, 6.0, 1.0))
-
-
-@pytest.mark.real
-@pytest.mark.parametrize("name", SHARED)
-def test_kept_files_have_the_right_values(shared_dir, name):
-    faces, area, volume = SHARED[name]
-    mesh = mesh_io.load(shared_dir / "cases" / name)
-    found = area_and_volume(mesh)
-    assert len(mesh.faces) == faces and found[1] == pytest.approx(volume, rel=1e-5)
-    assert area is None or found[0] == pytest.approx(area)
-
-
-KEPT_REFUSED = {
-    "draco.glb": "KHR_draco_mesh_compression",
-    "bin_fewer.stl": r"bin_fewer\.stl: the header claims 6 .* room for 12",
-    "round3/prusa_negative.3mf": "negative, modifier or support volumes are not read",
-    "round3/lfs.stl": r"lfs\.stl: a Git LFS pointer",
-}
-
-
-@pytest.mark.real
-def test_kept_files_that_must_be_refused_or_boxed(shared_dir):
-    cases = shared_dir / "cases"
-    np.testing.assert_allclose(mesh_io.load(cases / "quant_norm.glb").box(), [[-1, -1, -1], [4, 1, 1]], atol=1e-4)
-    assert mesh_io.load(cases / "far_point_face.obj").box()[1].tolist() == [1, 1, 1]
-    for name, reason in KEPT_REFUSED.items():
-        with pytest.raises(checks.InputError, match=reason):
-            mesh_io.load(cases / name)
-    with pytest.raises(checks.InputError, match="6 words in a row of vertex; 3 are declared"):
-        mesh_io.read_points(cases / "cloud_undeclared.ply")
 
 
 def test_far_triangle_without_an_area_sets_no_box():
