@@ -172,8 +172,6 @@ LENS = {"fl_x": 300.0, "w": 420}
         ("{", "JSON"),
         ([{"camera_to_world": SHEARED.tolist(), **LENS}], "shears or mirrors"),
         ([{"camera_to_world": np.diag([2.0, 2, 2, 1]).tolist(), **LENS}], "must turn and move alone; it scales by 2"),
-        ([{"camera_to_world": np.full((4, 4), np.nan).tolist(), **LENS}], "camera_to_world must be finite"),
-        ([{"camera_to_world": np.eye(3).tolist(), **LENS}], "4x4"),
         ([{"camera_to_world": np.eye(4).tolist()}], "camera_angle_x of its lens is a number > 0; got None"),
         ([{"camera_to_world": np.eye(4).tolist(), "fl_x": 300.0}], "w of its lens"),
         ([{"camera_to_world": np.eye(4).tolist(), **LENS, "camera_model": "OPENCV_FISHEYE"}], "FISHEYE is not read"),

@@ -1,10 +1,13 @@
-"""What the stages left behind is read."""
+"""What the stages left behind is read, and named where it is missing."""
 
+import shutil
 from pathlib import Path
 
 import pandas as pd
+import pytest
+from _support import damage
 
-from ddf.core import storage
+from ddf.core import checks, storage
 from ddf_lab.evaluation import baselines, scoring, seeds
 from ddf_lab.report import pages, run_sections, stage_results
 
@@ -32,3 +35,14 @@ def test_times_are_summed_over_categories(reported):
     assert all(row in table.rows for row in rows)
     for path in folder.glob("*.json"):
         path.unlink()
+
+
+def test_damaged_and_missing_inputs_are_named(reported, tmp_path, monkeypatch):
+    artifacts = shutil.copytree("artifacts", tmp_path / "artifacts") / "fake"
+    monkeypatch.chdir(tmp_path)
+    (artifacts / "train_pcsiren/plane/log.csv").unlink()
+    with pytest.raises(FileNotFoundError, match=r"plane.log\.csv"):
+        stage_results.read_results(reported[1])
+    damage(artifacts / "evaluate/si3dr.csv")
+    with pytest.raises(checks.InputError, match=r"si3dr\.csv is damaged"):
+        stage_results.read_results(reported[1])

@@ -132,10 +132,8 @@ LATTICE = 'xmlns:b="http://schemas.microsoft.com/3dmanufacturing/beamlattice/201
 REFUSED = {
     "zip": (b"PK\3\4 and then nothing", "not a readable 3mf mesh"),
     "part": (_zip(name="a.txt"), "'3d/3dmodel.model' is not in the archive"),
-    "xml": (_zip(_model()[:-9]), "not readable XML"),
     "circle": (_zip(_model(CIRCLE)), "form a circle"),
     "object": (_zip(_model(build='<item objectid="3"/>')), "names object '3', which is not there"),
-    "index": (_zip(_model(_object(1, faces=[(0, 1, 8)]))), "uses vertex 9"),
     "negative": (_zip(_model(_object(1, faces=[(0, 1, -1)]))), "uses vertex -1"),
     "word": (_zip(_model(_object(1, [["0", "0", "1,5"]]))), "a vertex's coordinate: '1,5' is not a number"),
     "missing": (_zip(_model().replace(' y="0"', "", 1)), "a vertex has no y"),
