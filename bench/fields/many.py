@@ -128,7 +128,7 @@ def main() -> measuring.Rows:
                 for question in ("picture", "inner"):
                     depth, truth = own[question], found["tree"][question]
                     both = np.isfinite(depth) & np.isfinite(truth)
-                    error[f"{question}_depth_median"] = float(np.median(np.abs(depth - truth)[both]))
+                    error[f"{question}_depth_median"] = float(np.median(np.abs(depth[both] - truth[both])))
                     error[f"{question}_wrong"] = 100 * float(inspection.wrong(depth, truth, fits.OFF).mean())
                 size = {"fields": FIELDS, "triangles": triangles, "inner_ms": 1e3 * own["inner_s"]}
                 size |= {key: own[key] for key in ("read_s", "mib")}
