@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("quick_completion")
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory):
     image = shipped_models.ROOT / "chair" / "sample_0.png"
-    sweep = ddf.depth_camera(ddf.reconstruct(image, "chair", n=100).field, size=24)
+    sweep = ddf.depth_camera(ddf.reconstruct(image, "chair", n=100).field, size=48)
     sweep.save(tmp_path_factory.mktemp("scan") / "scan.npz")
     return tmp_path_factory.getbasetemp() / "scan0" / "scan.npz"
 
@@ -32,7 +32,7 @@ def test_complete_writes_a_field_that_loads_and_clouds(scan, tmp_path, answer):
     with np.load(tmp_path / "out" / "cloud.npz") as file:
         arrays = {name: file[name] for name in file.files}
     np.testing.assert_allclose(arrays["points"][arrays["seen"].astype(bool)], seen, atol=1e-6)
-    assert arrays["residuals"].shape == (576,) and arrays["spread"].shape == (200,)
+    assert arrays["residuals"].shape == (48**2,) and arrays["spread"].shape == (200,)
     given = scans.read(scan)
     depth = ddf.load(tmp_path / "out").query(given.positions, given.directions)["depth"]
     both = np.isfinite(depth) & given.hit
