@@ -73,11 +73,13 @@ class PatchField:
     def met(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> np.ndarray:
         """As `kernels.trace`."""
         tree, (starts, along) = self.tree, (np.require(v, np.float64, ["C", "W"]) for v in (positions, directions))
-        way = np.maximum(-(starts * along).sum(axis=1, keepdims=True) - BEFORE, 0.0)
-        way[np.abs(starts).max(axis=1, initial=0.0) <= FAR] = 0.0
-        box, starts = np.stack([self.lower, self.upper]), starts + way * along
+        box, way = np.stack([self.lower, self.upper]), np.zeros(())
+        if max(starts.max(initial=0.0), -starts.min(initial=0.0)) > FAR:  # asked of all, which costs next to nothing
+            way = np.maximum(-(starts * along).sum(axis=1) - BEFORE, 0.0)
+            way[np.abs(starts).max(axis=1) <= FAR] = 0.0
+            starts = starts + way[:, None] * along
         met = kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
-        met[:, 0] += way[:, 0]
+        met[:, 0] += way
         return met
 
     def points(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 3"]:
