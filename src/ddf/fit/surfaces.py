@@ -20,7 +20,8 @@ from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
-from ddf.geometry import carved_surface, rays, transforms, unsigned_surface, winding
+from ddf.fit import winding
+from ddf.geometry import carved_surface, rays, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
 
 DIRECTIONS = 32  # asked through a point

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from _shapes import area_and_volume, cube, icosphere, joined, moved, torus
 
-from ddf.geometry import mesh_io, winding
+from ddf.fit import winding
+from ddf.geometry import mesh_io
 from ddf.geometry.mesh_io import Mesh
 
 

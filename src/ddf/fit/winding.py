@@ -13,6 +13,7 @@ from jaxtyping import Int
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from ddf.data import mesh_topology
 from ddf.geometry import mesh_io
 
 SMALL = 8  # edges of an opening that is closed: a few cells of a grid
@@ -22,9 +23,15 @@ def told(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
     """The mesh without small openings, corners anticlockwise as seen from outside of each sheet. An edge of three
     triangles or more joins none.
     """
-    faces = np.concatenate([mesh.faces, _lids(mesh.faces)])
-    count, edges = len(faces), _edges(faces)
-    unit, areas = mesh_io.face_normals(mesh_io.Mesh(mesh.vertices, faces))
+    turned = _turned_out(mesh)
+    return mesh_io.Mesh(mesh.vertices, np.concatenate([turned.faces, _lids(turned)]), mesh.remarks)
+
+
+def _turned_out(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
+    """The sides of the triangles that there are."""
+    faces, count = mesh.faces, len(mesh.faces)
+    edges = np.concatenate([np.roll(faces, -side, axis=1)[:, :2] for side in range(3)])  # an edge's triangle: modulo m
+    unit, areas = mesh_io.face_normals(mesh)
     pairs = _of_triangles(edges, 2)
     first, second = pairs.T % count
     bend = 2 - np.abs((unit[first] * unit[second]).sum(axis=1))  # at least 1: what is 0 is no edge of a graph
@@ -43,13 +50,6 @@ def told(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
     return mesh_io.Mesh(mesh.vertices, np.where(back[:, None], faces[:, ::-1], faces), mesh.remarks)
 
 
-def _edges(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "e 2"]:
-    """From corner to corner, those of the first sides of all triangles, of the second and of the third: the triangle of
-    an edge is its index modulo m.
-    """
-    return np.concatenate([np.roll(faces, -side, axis=1)[:, :2] for side in range(3)])
-
-
 def _of_triangles(edges: Int[np.ndarray, "e 2"], number: int) -> Int[np.ndarray, "k number"]:
     """Indices of edges that so many triangles have, a row an edge."""
     keys = np.sort(edges, axis=1) @ np.array([edges.max(initial=0) + 1, 1])
@@ -58,26 +58,17 @@ def _of_triangles(edges: Int[np.ndarray, "e 2"], number: int) -> Int[np.ndarray,
     return order[np.repeat(counts, counts) == number].reshape(-1, number)
 
 
-def _lids(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "k 3"]:
-    """Triangles over the openings of `SMALL` edges or fewer that go round once, and are no outer rim of a speck."""
-    edges = _edges(faces)
-    rim = edges[_of_triangles(edges, 1)[:, 0]]
-    beside: dict[int, list[int]] = {}
-    for a, b in (*rim.tolist(), *rim[:, ::-1].tolist()):
-        beside.setdefault(a, []).append(b)
-    ring_of, rings = np.full(faces.max(initial=0) + 1, -1), list[list[int]]()
-    for start in beside:
-        ring = [start]
-        while len(ring) <= SMALL and len(near := beside[ring[-1]]) == 2 and ring_of[start] < 0:
-            ahead = near[1] if near[0] == ring[max(0, len(ring) - 2)] else near[0]
-            if ahead == start:
-                ring_of[ring] = len(rings)
-                rings.append(ring)
-                break
-            ring.append(ahead)
-    own = ring_of[faces]
+def _lids(mesh: mesh_io.Mesh) -> Int[np.ndarray, "k 3"]:
+    """Triangles over the openings of `SMALL` edges or fewer that touch no other and are no outer rim of a speck."""
+    loops, met = mesh_topology.opening_loops(mesh), np.zeros(len(mesh.vertices))
+    for loop in loops:
+        met[loop] += 1
+    rings = [loop for loop in loops if len(loop) <= SMALL and met[loop].max() == 1]
+    ring_of = np.full(len(mesh.vertices), -1)
+    for i, ring in enumerate(rings):
+        ring_of[ring] = i
+    own = ring_of[mesh.faces]
     specks = set(own[(own == own[:, :1]).all(axis=1), 0].tolist())
-    lids = [
-        (ring[0], *pair) for i, ring in enumerate(rings) if i not in specks for pair in itertools.pairwise(ring[1:])
-    ]
+    wanted = (ring.tolist() for i, ring in enumerate(rings) if i not in specks)
+    lids = [(ring[0], *pair) for ring in wanted for pair in itertools.pairwise(ring[1:])]
     return np.array(lids, int).reshape(-1, 3)
