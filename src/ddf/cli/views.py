@@ -383,8 +383,8 @@ def scene(
     content = scenes.read_content(scene)
     whole = scenes.build(content, scene.parent).framed
     assert isinstance(whole, scene_field.SceneField)
-    counted = tuple(scene_field.Counted(each) for each in whole.fields)
-    shown = dataclasses.replace(whole, fields=counted)
+    counted = {id(each): scene_field.Counted(each) for each in whole.fields}
+    shown = dataclasses.replace(whole, fields=tuple(counted[id(each)] for each in whole.fields))
     looks = _cameras(shown, content, camera, path, frames)
     started = time.monotonic()
     seen: list[dict[str, np.ndarray]] = []
@@ -399,10 +399,10 @@ def scene(
         storage.write_bytes(out, results.npz(arrays))
     else:
         storage.write_bytes(out, results.encode(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
-    pixels, queries = size**2 * len(looks), sum(field.queries for field in counted)
-    saved = pixels * len(counted) - queries  # of every object asked once for every pixel
+    pixels, queries = size**2 * len(looks), sum(field.queries for field in counted.values())
+    saved = pixels * len(whole.fields) - queries  # of every object asked once for every pixel
     return {
-        "objects": len(counted),
+        "objects": len(whole.fields),
         "frames": len(looks),
         "pixels": pixels,
         "queries": queries,
@@ -410,7 +410,7 @@ def scene(
         "saved": saved,
         "seen": float((stacked["visibility"] >= 0.5).mean()),
         "seconds": round(seconds, 4),
-        "verdict": f"{out}: {len(looks)} x {size} x {size} pixels of {len(counted)} objects; "
+        "verdict": f"{out}: {len(looks)} x {size} x {size} pixels of {len(whole.fields)} objects; "
         f"{queries / pixels:.3g} queries a pixel; the boxes saved {saved:,} of {saved + queries:,}",
     }
 

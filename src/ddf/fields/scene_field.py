@@ -22,6 +22,7 @@ in the frame of the scene.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -31,7 +32,7 @@ from ddf.fields import field_outputs, framed_field
 from ddf.geometry import cameras, rays, transforms
 
 _SMALLEST = float(np.finfo(np.float64).tiny)  # its inverse is still finite
-_MOST_PAIRS, _ROUNDING = 2**22, 1e-12  # rays times fields at once; of squared distances
+_MOST_RAYS, _MOST_PAIRS, _ROUNDING = 2**14, 2**21, 1e-12  # at once, of fields and rays too; of squared distances
 _LEAST_WEIGHT = 1e-3  # a field with less of the soft mean is not asked for what is neither visibility nor depth
 
 # visibility and depth by name; for all else the fields, each with rows and their weights
@@ -78,16 +79,16 @@ class SceneField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
-        most = max(1, _MOST_PAIRS // len(self.fields))
+        most = _MOST_RAYS if self.blend is None else max(1, _MOST_PAIRS // len(self.fields))
         if len(positions) > most:
             starts = range(0, len(positions), most)
             parts = [self.evaluate(positions[i : i + most], directions[i : i + most], outputs) for i in starts]
             return {name: np.concatenate([part[name] for part in parts]) for name in outputs}
         find = self._nearest if self.blend is None else self._mean
-        answers, shares = find(positions, directions)
+        answers, shares = find(len(positions), self._placed.met(positions, directions))
         others = [name for name in outputs if name not in answers]
         for index, chosen, weight in shares if others else ():
-            for name, values in _ask(*self._member(index), positions[chosen], directions[chosen], others).items():
+            for name, values in self._ask(index, positions[chosen], directions[chosen], others).items():
                 whole = answers.setdefault(name, np.zeros((len(positions), *values.shape[1:])))
                 whole[chosen] += weight.reshape(-1, *[1] * (values.ndim - 1)) * values
         for name in (name for name in others if field_outputs.OUTPUTS[name].kind == "directions"):
@@ -95,83 +96,127 @@ class SceneField:
             answers[name] = answers[name] / np.where(length > 0, length, 1.0)
         return {name: answers[name] for name in outputs}
 
-    def _nearest(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> _Found:
-        """By the hard choice."""
-        visibility, depth = np.zeros(len(positions)), np.full(len(positions), np.inf)
-        first = np.zeros(len(positions), int)
-        for index, asked in _in_turn(self._entries(positions, directions), depth):
-            seen, far = _meet(*self._member(index), positions[asked], directions[asked])
-            nearer = (seen >= framed_field.SEEN) & (far < depth[asked])
-            nothing = np.isinf(depth[asked])
-            visibility[asked[nothing]] = np.maximum(visibility[asked], seen)[nothing]
-            visibility[asked[nearer]] = seen[nearer]
-            depth[asked[nearer]], first[asked[nearer]] = far[nearer], index
-        met = np.flatnonzero(np.isfinite(depth))
-        shares = ((index, rows, np.ones(len(rows))) for index, rows in _grouped(first, met))
+    def _nearest(self, count: int, met: "_Met") -> _Found:
+        """By the hard choice, of so many rays."""
+        visibility, depth, first = np.zeros(count), np.full(count, np.inf), np.zeros(count, int)
+        for turn in met.in_turn():
+            turn = turn[met.entry[turn] < depth[met.ray[turn]]]
+            if not len(turn):
+                break
+            seen, far = self._answers(met, turn)
+            ray, nothing = met.ray[turn], np.isinf(depth[met.ray[turn]])
+            nearer = (seen >= framed_field.SEEN) & (far < depth[ray])
+            visibility[ray[nothing]] = np.maximum(visibility[ray], seen)[nothing]
+            visibility[ray[nearer]] = seen[nearer]
+            depth[ray[nearer]], first[ray[nearer]] = far[nearer], met.member[turn[nearer]]
+        shares = ((i, rows, np.ones(len(rows))) for i, rows in _grouped(first, np.flatnonzero(np.isfinite(depth))))
         return {"visibility": visibility, "depth": depth}, shares
 
-    def _mean(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> _Found:
+    def _mean(self, count: int, met: "_Met") -> _Found:
         """By the soft one."""
         assert self.blend
-        met = [_meet(*self._member(index), positions, directions) for index in range(len(self.fields))]
-        visibilities, depths = (np.stack(values) for values in zip(*met, strict=True))
+        visibilities, depths = np.zeros((len(self.fields), count)), np.full((len(self.fields), count), np.inf)
+        pairs = met.member, met.ray
+        visibilities[pairs], depths[pairs] = self._answers(met, np.arange(len(met.ray)))
         answers, weights = compose(visibilities, depths, self.blend)
         chosen = [np.flatnonzero(weight > _LEAST_WEIGHT) for weight in weights]
         return answers, ((i, rows, weights[i, rows]) for i, rows in enumerate(chosen))
 
-    def _entries(
-        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> Float[np.ndarray, "k n"]:
-        """How far a ray goes before it enters each field's box; `inf` where it misses that, or the ball around it."""
-        boxes = [(field.field_from_mesh.compose(place.inverse()), field) for field, place in self._members()]
-        middle = np.stack([to.inverse().apply((each.lower + each.upper) / 2) for to, each in boxes])
-        reach = np.array([np.linalg.norm(each.upper - each.lower) / 2 / to.scale for to, each in boxes])
-        along = middle @ directions.T - (positions * directions).sum(-1)
-        far = np.square(middle).sum(-1)[:, None] + np.square(positions).sum(-1)
-        near = far * (1 - _ROUNDING) - 2 * middle @ positions.T - along**2 <= reach[:, None] ** 2
-        entries = np.full(near.shape, np.inf)
-        for entry, rows, (to, each) in zip(entries, near, boxes, strict=True):
-            starts, ways = to.apply(positions[rows]), to.apply_directions(directions[rows])
-            _, distance, meets = rays.enter_box(starts, ways, each.lower, each.upper)
-            entry[rows] = np.where(meets, distance / to.scale, np.inf)
-        return entries
+    @cached_property
+    def _placed(self) -> "_Placed":
+        return _Placed(self.fields, self.scene_from_mesh)
 
-    def _member(self, index: int) -> tuple[framed_field.FramedField, transforms.Similarity]:
-        return self.fields[index], self.scene_from_mesh[index]
+    def _answers(
+        self, met: "_Met", pairs: Int[np.ndarray, "p"]
+    ) -> tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p"]]:
+        """ξ_k and d_k, unit of the scene, of some pairs. A field in several places is asked once for all."""
+        visibility, depth, member = np.zeros(len(pairs)), np.zeros(len(pairs)), met.member[pairs]
+        for own, rows in _grouped(self._placed.own[member], np.arange(len(pairs))):
+            starts, ways = met.starts[pairs[rows]], met.ways[pairs[rows]]
+            found = self.fields[own].evaluate(starts, ways, ("visibility", "depth"))
+            visibility[rows], depth[rows] = found["visibility"], found["depth"]
+        return visibility, depth / self._placed.scale[member] + met.entry[pairs]
 
-    def _members(self) -> Iterator[tuple[framed_field.FramedField, transforms.Similarity]]:
-        return zip(self.fields, self.scene_from_mesh, strict=True)
-
-
-def _ask(
-    field: framed_field.FramedField,
-    scene_from_mesh: transforms.Similarity,
-    positions: Float[np.ndarray, "n 3"],
-    directions: Float[np.ndarray, "n 3"],
-    outputs: Collection[str],
-) -> dict[str, Float[np.ndarray, "n ..."]]:
-    """Named outputs of one field, in the frame of the scene."""
-    mesh_from_scene = scene_from_mesh.inverse()
-    points = rays.OrientedPoints(mesh_from_scene.apply(positions), mesh_from_scene.apply_directions(directions))
-    found, _ = framed_field.query(field, points, outputs)
-    return framed_field.in_mesh_frame(found, mesh_from_scene)
+    def _ask(
+        self,
+        index: int,
+        positions: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        outputs: Collection[str],
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """Named outputs of one field, in the frame of the scene."""
+        mesh_from_scene = self.scene_from_mesh[index].inverse()
+        points = rays.OrientedPoints(mesh_from_scene.apply(positions), mesh_from_scene.apply_directions(directions))
+        found, _ = framed_field.query(self.fields[index], points, outputs)
+        return framed_field.in_mesh_frame(found, mesh_from_scene)
 
 
-def _meet(
-    field: framed_field.FramedField,
-    scene_from_mesh: transforms.Similarity,
-    positions: Float[np.ndarray, "n 3"],
-    directions: Float[np.ndarray, "n 3"],
-) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-    """ξ_k and d_k, unit of the scene; 0 and `inf` of rays that miss the field's box, for which it is not asked."""
-    field_from_scene = field.field_from_mesh.compose(scene_from_mesh.inverse())
-    looking = field_from_scene.apply_directions(directions)
-    entry, distance, meets = rays.enter_box(field_from_scene.apply(positions), looking, field.lower, field.upper)
-    found = field.evaluate(entry[meets], looking[meets], ("visibility", "depth"))
-    visibility, depth = np.zeros_like(distance), np.full_like(distance, np.inf)
-    visibility[meets] = found["visibility"]
-    depth[meets] = (found["depth"] + distance[meets]) / field_from_scene.scale
-    return visibility, depth
+@dataclass(frozen=True)
+class _Met:
+    """Pairs of a ray and a member whose box it meets: nearest box first of each ray, ray by ray.
+
+    entry: how far the ray goes before it enters that, unit of the scene. starts, ways: there, frame of the field.
+    """
+
+    ray: Int[np.ndarray, "p"]
+    member: Int[np.ndarray, "p"]
+    entry: Float[np.ndarray, "p"]
+    starts: Float[np.ndarray, "p 3"]
+    ways: Float[np.ndarray, "p 3"]
+
+    def in_turn(self) -> list[Int[np.ndarray, "_"]]:
+        """The first pair of every ray, then the second of those that have one, and so on."""
+        begins = np.flatnonzero(np.diff(self.ray, prepend=-1))
+        rank = np.arange(len(self.ray)) - np.repeat(begins, np.diff(begins, append=len(self.ray)))
+        return np.split(np.argsort(rank, kind="stable"), np.cumsum(np.bincount(rank))[:-1])
+
+
+class _Placed:
+    """Boxes and maps of all members, which rays are held against at once. own: the first member of the same field."""
+
+    def __init__(
+        self, fields: Sequence[framed_field.FramedField], scene_from_mesh: Sequence[transforms.Similarity]
+    ) -> None:
+        inner = (place.inverse() for place in scene_from_mesh)
+        maps = [field.field_from_mesh.compose(back) for field, back in zip(fields, inner, strict=True)]
+        self.scale = np.array([to.scale for to in maps])
+        self.turns = np.stack([to.rotation for to in maps])
+        self.moves = np.stack([to.translation for to in maps])
+        self.lower, self.upper = (np.array([getattr(each, name) for each in fields]) for name in ("lower", "upper"))
+        first = dict[int, int]()
+        self.own = np.array([first.setdefault(id(each), i) for i, each in enumerate(fields)])
+        own = (self.lower + self.upper) / 2 - self.moves
+        middle = np.einsum("kij,ki->kj", self.turns, own) / self.scale[:, None]
+        reach = np.linalg.norm(self.upper - self.lower, axis=1) / 2 / self.scale
+        i, j = np.triu_indices(3)
+        square = np.square(middle).sum(axis=1)
+        slack = (reach**2 + _ROUNDING * square - square)[:, None]
+        self.balls = np.hstack([middle[:, i] * middle[:, j], 2 * middle, slack, np.ones((len(maps), 1))])
+
+    def met(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> _Met:
+        """The pairs. Of a ray p + t v, whose point nearest to 0 is q, the ball of radius r around a box's middle m is
+        met where |m - q|² - (m · v)² <= r²: one product of what m and r give with what q and v give.
+        """
+        nearest = positions - (positions * directions).sum(axis=1, keepdims=True) * directions
+        i, j = np.triu_indices(3)
+        products = directions[:, i] * directions[:, j] * np.where(i == j, 1.0, 2.0)
+        least = (_ROUNDING - 1) * np.square(nearest).sum(axis=1, keepdims=True)
+        lines = np.hstack([products, nearest, np.ones_like(least), least])
+        count, step = len(self.balls), max(1, _MOST_PAIRS // len(self.balls))
+        parts = range(0, len(lines), step)
+        pairs = [k * count + np.flatnonzero(lines[k : k + step] @ self.balls.T >= 0) for k in parts]
+        ray, member = np.divmod(np.concatenate(pairs) if pairs else np.zeros(0, int), count)
+        ways = np.einsum("pij,pj->pi", self.turns[member], directions[ray])
+        turned = np.einsum("pij,pj->pi", self.turns[member], positions[ray])
+        starts = self.scale[member, None] * turned + self.moves[member]
+        distance, meets = np.zeros(len(ray)), np.zeros(len(ray), bool)
+        for own, rows in _grouped(self.own[member], np.arange(len(ray))):
+            found = rays.enter_box(starts[rows], ways[rows], self.lower[own], self.upper[own])
+            starts[rows], distance[rows], meets[rows] = found
+        entry = distance / self.scale[member]
+        order = np.flatnonzero(meets)
+        order = order[np.lexsort((entry[order], ray[order]))]
+        return _Met(ray[order], member[order], entry[order], starts[order], ways[order])
 
 
 def _grouped(of: Int[np.ndarray, "n"], rows: Int[np.ndarray, "_"]) -> Iterator[tuple[int, Int[np.ndarray, "_"]]]:

@@ -180,12 +180,35 @@ def test_what_stands_behind_a_surface_is_not_asked():
     counted = tuple(scene_field.Counted(SPHERE) for _ in places)
     found = scene_field.SceneField(counted, places, np.full(3, -9.0), np.full(3, 9.0)).evaluate(starts, ways, OUTPUTS)
     asked, seen = sum(field.queries for field in counted), int(np.isfinite(found["depth"]).sum())
-    each = np.stack(
-        [scene_field._meet(field, place, starts, ways)[1] for field, place in zip(counted, places, strict=True)]
-    )
-    np.testing.assert_array_equal(found["depth"], each.min(axis=0))
+    alone = [
+        scene_field.SceneField((field,), (place,), np.full(3, -9.0), np.full(3, 9.0))
+        for field, place in zip(counted, places, strict=True)
+    ]
+    each = np.stack([scene.evaluate(starts, ways, ("depth",))["depth"] for scene in alone])
+    np.testing.assert_allclose(found["depth"], each.min(axis=0), rtol=1e-12)
     every = sum(field.queries for field in counted) - asked
     assert seen > 500 and asked - seen < 0.8 * every
+
+
+def test_a_field_in_many_places_is_asked_of_all_at_once_and_far_from_0_too():
+    calls, rng = [], np.random.default_rng(5)
+    ask = lambda *asked: (calls.append(len(asked[0])), SPHERE.evaluate(*asked))[1]  # noqa: E731
+    parts = {name: getattr(SPHERE, name) for name in ("lower", "upper", "field_from_mesh", "outputs")}
+    one: Any = types.SimpleNamespace(**parts, evaluate=ask)
+    centres, far = rng.uniform(-9, 9, (200, 3)), np.array([1e5, -1e5, 1e5])
+    points = random_rays(500, 6, spread=5.0)
+    starts, ways = points.positions.numpy().astype(np.float64), points.directions.numpy().astype(np.float64)
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    depths = []
+    for offset, fields in (np.zeros(3), (one,) * 200), (far, (one,) * 200), (far, [copy.copy(one) for _ in centres]):
+        calls.clear()
+        places = tuple(transforms.Similarity(0.4, TURN, offset + centre) for centre in centres)
+        scene = scene_field.SceneField(tuple(fields), places, offset - 10, offset + 10)
+        depths.append((scene.evaluate(offset + starts, ways, ("depth",))["depth"], len(calls)))
+    (near, few), (moved, as_few), (alone, many) = depths
+    assert few == as_few < 20 < many and 40 < np.isfinite(near).sum() < 450
+    np.testing.assert_array_equal(alone, moved)
+    np.testing.assert_allclose(moved, near, atol=1e-6)
 
 
 ROWS = [  # visibilities and depths of the fields; visibility, depth and depth of the hard choice
