@@ -216,8 +216,8 @@ def fit(
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
       tolerance: of patches: wanted distance to the mesh, of half its longest side; 3e-4 if nothing is said, more of
         noisy rays.
-      rays: in place of a mesh: a scan, such as `depth_camera` gives, or a path as of `ddf fit`. `Field.seen` of patches
-        says what they saw.
+      rays: in place of a mesh: a scan, such as `depth_camera` gives, or a path as of `ddf fit`, or a list of them.
+        `Field.seen` of patches says what they saw.
     Returns:
       The field, in the frame and the unit of the mesh; its `path` is `out`.
     Raises:
@@ -247,15 +247,15 @@ def fit(
     from ddf.fit import patch_fitting
     from ddf.geometry import posed_depth, scans
 
-    if (mesh is None) == (rays is None):
+    given = [] if rays is None else rays if isinstance(rays, list) else [rays]
+    if (mesh is None) == (not given):
         raise checks.InputError("a field is fitted to a mesh or to rays")
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        if rays is None:
-            found = None
-        elif isinstance(rays, scans.Scan):
-            found = posed_depth.Sensed(rays, "a scan", 1)
-        else:
-            found = posed_depth.read(Path(rays))
+        read = [
+            posed_depth.Sensed(each, "a scan", 1) if isinstance(each, scans.Scan) else posed_depth.read(Path(each))
+            for each in given
+        ]
+        found = posed_depth.together(read) if read else None
         if network:
             settings = network_settings(minutes, steps)
             from ddf.fit import fitting

@@ -29,6 +29,7 @@ def fit(
     steps: Annotated[int | None, Arg("N", group="budget")] = None,
     seed: Annotated[int | None, Arg("S")] = None,
     up: arguments.Up = "y",
+    onto: Annotated[Path | None, Arg("FIELD")] = None,
     force: bool = False,
 ) -> dict[str, Any]:
     """Fit a field to a mesh, with held-out errors and a picture beside the mesh, or to what a sensor saw.
@@ -47,6 +48,7 @@ def fit(
       config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
       seed: of sine: of samples, initial weights and batches.
       up: axis of the mesh that points up; pictures and pages of the folder take it from fit.json.
+      onto: of rays: what FIELD was fitted to, read once more, counts too; OUT_DIR may be the same.
       force: replace the field of another mesh in OUT_DIR.
 
     Examples:
@@ -54,6 +56,7 @@ def fit(
       ddf fit shape.obj my_field --minutes 2
       ddf fit shape.obj my_field --steps 2000 --seed 1
       ddf fit rgbd_dataset_freiburg1_xyz my_room
+      ddf fit more_scans my_room --onto my_room
     """
     from ddf.core import storage
     from ddf.fit import patch_fitting
@@ -66,11 +69,16 @@ def fit(
     if (kind == "sine" or of_sine) and tolerance is not None:
         raise errors.InputError("--tolerance is of --kind patches")
     of_rays = posed_depth.is_rays(mesh)
+    if onto is not None and not of_rays:
+        raise errors.InputError(f"--onto adds rays to those of a field; {mesh} is a mesh")
+    earlier = [] if onto is None else _rays_of(onto)
+    given = [*(each for each in earlier if each.resolve() != mesh.resolve()), mesh]
+    force = force or (onto is not None and onto.resolve() == out.resolve())
     if kind != "sine" and not of_sine:
         if of_rays:
-            found, sources = _sensed(mesh)
+            found, sources = _sensed(given)
             result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force)
-            return _of_rays(found, out, result, f"{result['patches']:,} patches, {result['bytes']:,} bytes")
+            return _of_rays(found, given, out, result, f"{result['patches']:,} patches, {result['bytes']:,} bytes")
         from ddf.fields.grid import octree
 
         patches = octree.PatchConfig.within(tolerance)
@@ -89,9 +97,9 @@ def fit(
         settings = dataclasses.replace(settings, loop=dataclasses.replace(settings.loop, seed=seed))
     used = threads_of(settings.loop.threads, settings.steps is None)
     if of_rays:
-        found, sources = _sensed(mesh, network=True)
+        found, sources = _sensed(given, network=True)
         result = fitting.fit(found.scan, settings, out, sources, threads=used, force=force)
-        return _of_rays(found, out, result, f"{result['steps']:,} steps{_few(result['steps'])}")
+        return _of_rays(found, given, out, result, f"{result['steps']:,} steps{_few(result['steps'])}")
     loaded = mesh_io.load_surface(mesh)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
@@ -106,22 +114,42 @@ def _few(steps: int) -> str:
     return f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes" * (steps < fitting.FEW_STEPS)
 
 
-def _sensed(source: Path, network: bool = False) -> tuple["posed_depth.Sensed", dict[str, str]]:
-    """What a sensor saw, which is told before the work, and the checksum of its source."""
+def _rays_of(field: Path) -> list[Path]:
+    """What a field was fitted to; InputError where that was no rays, or it is not there any more."""
+    from ddf.core import storage
+    from ddf.fit import fit_folder
+
+    said = storage.read_json(field / fit_folder.METRICS).get("rays")
+    if not isinstance(said, list):
+        raise errors.InputError(f"{field}: was not fitted to rays, to which others could be added")
+    if gone := [each for each in said if not (field / each).exists()]:
+        raise errors.InputError(f"{field}: was fitted to {', '.join(gone)}, seen from there, which is gone")
+    return [field / each for each in said]
+
+
+def _sensed(given: list[Path], network: bool = False) -> tuple["posed_depth.Sensed", dict[str, str]]:
+    """What sensors saw, which is told before the work, and the checksums of the sources."""
     from ddf.core import storage
     from ddf.geometry import posed_depth
 
     results.show_parts()
-    found = posed_depth.read(source)
+    found = posed_depth.together([posed_depth.read(each) for each in given])
     if network:
         found.require_sensed()
     logging.getLogger(__name__).info(found.told)
-    return found, {source.name: storage.checksum(source)}
+    return found, {each.name: storage.checksum(each) for each in given}
 
 
-def _of_rays(found: "posed_depth.Sensed", out: Path, result: dict[str, Any], spent: str) -> dict[str, Any]:
-    """The result of a fit to rays with a table and a verdict."""
+def _of_rays(
+    found: "posed_depth.Sensed", given: list[Path], out: Path, result: dict[str, Any], spent: str
+) -> dict[str, Any]:
+    """The result of a fit to rays with a table and a verdict; fit.json names them for `--onto`."""
+    from ddf.core import storage
+    from ddf.fit import fit_folder
+
     already, off = result.pop("already"), result["held_out"]
+    result["rays"] = [os.path.relpath(each, out) for each in given]
+    storage.write_json(out / fit_folder.METRICS, result)
     return {
         **result,
         "understood": found.told,

@@ -16,7 +16,7 @@ its VIEWPOINT) or PLY. A cloud with normals needs no sensor: it is seen from jus
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,6 +112,14 @@ def read(path: Path) -> Sensed:
         raise checks.InputError(f"{path}: its points with normals span nothing")
     scan = scans.Scan(points[kept] - above * ways, ways, np.full(len(ways), above))
     return Sensed(scan, "points with normals", 1, sensed=False)
+
+
+def together(found: Sequence[Sensed]) -> Sensed:
+    """Several, all in one frame and unit, as one; they are `sensed` if all are."""
+    if len(found) == 1:
+        return found[0]
+    kinds, frames = " and ".join(dict.fromkeys(each.kind for each in found)), sum(each.frames for each in found)
+    return Sensed(_joined([each.scan for each in found]), kinds, frames, all(each.sensed for each in found))
 
 
 def _folder(path: Path) -> Sensed:

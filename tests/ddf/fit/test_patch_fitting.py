@@ -148,6 +148,37 @@ def test_one_view_knows_half(tmp_path):
     assert not field.seen(-eye, eye / np.linalg.norm(eye)).any()
 
 
+def test_rays_are_added_to_those_of_a_field(tmp_path, capsys):
+    scan, below = sphere_scan(24), np.array([[0.0, 0, -1]])
+    parts = [tmp_path / "above.npz", tmp_path / "below.npz"]
+    for part, kept in zip(parts, (scan.positions[:, 2] > 0, scan.positions[:, 2] <= 0), strict=True):
+        scans.write(scan.some(kept), part)
+    first, field, both = (str(tmp_path / name) for name in ("first", "field", "both"))
+    assert cli.main(["fit", str(parts[0]), first]) == 0
+    assert not ddf.load(first).seen(below, -below).any()
+    for out in (field, field, first):  # into a folder, once more, and into its own
+        assert cli.main(["fit", str(parts[1]), out, "--onto", first]) == 0
+    assert "made before" in capsys.readouterr().out
+    assert json.loads((tmp_path / "first/fit.json").read_text())["rays"] == ["../above.npz", "../below.npz"]
+    whole = ddf.fit(rays=[scans.read(parts[0]), str(parts[1])], out=both)
+    starts, ways = scan.positions[::9], scan.directions[::9]
+    for other in (field, first):
+        assert np.array_equal(ddf.load(other).query(starts, ways)["depth"], whole.query(starts, ways)["depth"])
+        assert ddf.load(other).seen(below, -below).all()
+    parts[0].rename(tmp_path / "moved.npz")
+    mesh = tmp_path / "ball.ply"
+    mesh.write_bytes(mesh_io.ply_bytes(icosphere(2)))
+    assert cli.main(["fit", str(mesh), str(tmp_path / "ball")]) == 0
+    for source, onto, told in (
+        (parts[1], first, "is gone"),
+        (parts[1], tmp_path / "ball", "was not fitted to rays"),
+        (mesh, first, "is a mesh"),
+        (parts[1], tmp_path / "nothing", "nothing"),
+    ):
+        assert cli.main(["fit", str(source), str(tmp_path / "no"), "--onto", str(onto)]) == 2
+        assert told in capsys.readouterr().err and not (tmp_path / "no").exists()
+
+
 def test_the_network_takes_rays_whose_sensors_are_known(of_rays, tmp_path, capsys):
     assert cli.main(["fit", str(of_rays[0] / "scan.npz"), str(tmp_path / "out"), "--steps", "3"]) == 0
     told = capsys.readouterr().out
