@@ -322,7 +322,7 @@ def _rows(
 
 @command("model")
 def export(
-    model: Annotated[list[Path], Arg("MODEL", parse=shipped_models.place, reads=("field", "reconstruction"))],
+    model: Annotated[Path, Arg("MODEL", parse=shipped_models.place, reads=("field", "reconstruction"))],
     out: Annotated[Path, Arg("OUT", writes="file")],
     *,
     graph: str | None = None,
@@ -330,33 +330,24 @@ def export(
 ) -> dict[str, Any]:
     """A trained model as an ONNX file, checked against onnxruntime.
 
-    [ONNX](onnx.md) tells its inputs. A name that ends in `.html` gives the page of `ddf view`.
+    [ONNX](onnx.md) tells its inputs.
 
     Args:
-      model: trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`;
-        several fields for a page alone.
-      out: file to write: .onnx, or .html for the page of `ddf view`.
+      model: trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`.
+      out: file to write: .onnx.
       graph: field or encoders of a DDF model, rays or encode of one with image features, such as chair (the first).
 
     Examples:
       ddf export rabbit field.onnx
       ddf export rabbit small.onnx --outputs depth,visibility
-      ddf export rabbit armchair pair.html
     """
-    if out.suffix.lower() == ".html":
-        from ddf.cli import views
-        from ddf.io import viewer_page
-
-        size = viewer_page.write(out, views.page_of(model))
-        return {"bytes": size, "verdict": f"{out}: {size:,} bytes; any browser opens it"}
+    if out.suffix.lower() != ".onnx":
+        raise errors.InputError(f"{out}: must end in .onnx; a page is made by ddf view")
     from ddf.fields import field_outputs, model_files
     from ddf.io import onnx_file
 
-    first, *others = model
-    if others:
-        raise errors.InputError(f"{out}: an ONNX file holds one model; give one, or a name that ends in .html")
     settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES)
-    folder = first.parent if first.name == model_files.MODEL else first
+    folder = model.parent if model.name == model_files.MODEL else model
     graphs, source = onnx_file.load_graphs(folder, outputs)
     name = graph or next(iter(graphs))
     if name not in graphs:

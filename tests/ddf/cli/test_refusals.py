@@ -102,7 +102,7 @@ LINES = [
     ("view rabbit noise.png out.html", "noise.png: a picture stands before the model"),
     ("view rabbit scene.yaml out.html", "scene.yaml: a scene file is shown alone"),
     ("view none.yaml out.html", "none.yaml"),
-    ("export rabbit armchair out.onnx", "an ONNX file holds one model"),
+    ("export rabbit out.html", "must end in .onnx; a page is made by ddf view"),
     ("export damaged out.onnx", "is damaged or not one of our files"),
     ("export other out.onnx", "holds no DDF"),
     ("export . out.onnx", "does not exist"),

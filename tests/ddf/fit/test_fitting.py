@@ -186,18 +186,6 @@ def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
     assert thin.upper.tolist() == [1.0, 1.0, 1.0]
 
 
-def test_rays_from_the_sides_of_the_box_have_a_margin_of_way_to_faces_in_them():
-    """Samples on the sides of the box that look straight in: the face of a cube is a margin away, not 0 or 2."""
-    config = dataclasses.replace(TINY, margin=0.1)
-    samples = shape_samples.draw_samples(cube(), config.drawing, sample_types.each(4000), "train")
-    bounding = _tensors(samples, "B")
-    places, along = bounding["positions"], bounding["directions"]
-    centred = places.abs().sort(dim=-1).values[:, 1] < 0.8  # and not beside the face
-    facing = centred & (along.abs().amax(-1) > 0.99) & ((places * along).sum(-1) < -0.95)
-    assert int(facing.sum()) > 10
-    torch.testing.assert_close(bounding["depth"][facing], torch.full((int(facing.sum()),), 0.1), rtol=0.05, atol=1e-3)
-
-
 def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
     field, found = pddf.PDDF(TINY.field), {}
     with torch.no_grad():

@@ -1,4 +1,4 @@
-"""`ddf view` and `ddf export OUT.html`: a page."""
+"""`ddf view`: a page."""
 
 import json
 import re
@@ -12,11 +12,10 @@ ROW = {"field": 1, "rabbit, field, rabbit": 3}  # the page's title, and how many
 
 
 @pytest.mark.parametrize("title", ROW)
-@pytest.mark.parametrize("command", ["view", "export"])
-def test_the_page_is_written(command, title, fitted, tmp_path, answer):
+def test_the_page_is_written(title, fitted, tmp_path, answer):
     out = tmp_path / "page.html"
     fields = [fitted[0] if name == "field" else name for name in title.split(", ")]
-    assert answer(command, *fields, out)["bytes"] == out.stat().st_size and f"<title>{title}</title>" in out.read_text()
+    assert answer("view", *fields, out)["bytes"] == out.stat().st_size and f"<title>{title}</title>" in out.read_text()
     (record,) = re.findall(r'id="ddf-page">(.*?)</script>', out.read_text())
     places = [field["world_from_mesh"]["translation"][2] for field in json.loads(record)["fields"]]
     assert len(places) == ROW[title] and (title == "field" or places[0] > places[2])  # of the rabbits
