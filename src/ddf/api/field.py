@@ -101,7 +101,7 @@ class Field(queries.Queried):
         return self.weights.save(Path(folder))
 
     def export(self, path: str | Path) -> Path:
-        """Write an ONNX file (.onnx) as `ddf export` does, or a page that renders the field live (.html) as `ddf view` does.
+        """Write an ONNX file (.onnx) as `ddf export` does, or a page that renders the field live (.html) as `ddf view`.
 
         ONNX, and a network, need torch.
 
