@@ -37,7 +37,6 @@ from bench.lib import measuring
 from bench.rivals import latent_distances
 from ddf.api import completion as whole
 from ddf.api import sensors as sending
-from ddf.cli import models
 from ddf.core import shipped_models
 from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
@@ -275,7 +274,7 @@ def judged(given: Case, category: str) -> dict[str, float]:
     found = whole.complete(scans.Scan(starts, ways, seen.ranges, of_camera=True), category, n=2)
     up = found.pose[:3, 1] / np.linalg.norm(found.pose[:3, 1])
     leans = float(np.degrees(np.arccos(np.clip(up @ from_scan.rotation[:, 1], -1, 1))))
-    told = {"likeness": found.likeness, "explained": found.explained, "leans_deg": leans}
+    told = {"likeness": found.likeness, "explained": found.explained, "leans_deg": leans, "warned": found.unlike}
     return {"seconds": time.process_time() - started} | told
 
 
@@ -286,7 +285,7 @@ def told_apart(category: str, split: Split, most: int) -> measuring.Row:
     others = [row for row in everything if row.category != category]
     others = [others[(2 * index + (split == "test")) * len(others) // (2 * most)] for index in range(most)]
     own, other = ({row.id: judged(case(row), category) for row in rows} for rows in (right, others))
-    warned = [[models.unlike(each["explained"], each["likeness"]) for each in of.values()] for of in (own, other)]
+    warned = [[each["warned"] for each in of.values()] for of in (own, other)]
     leans = np.array([each["leans_deg"] for each in own.values()])
     error = {"right_warned": 100 * float(np.mean(warned[0])), "wrong_warned": 100 * float(np.mean(warned[1]))}
     error |= {"leans_deg": float(np.median(leans)), "upside_down": float((leans > 90).sum())}

@@ -14,6 +14,7 @@ from ddf.core import checks, extras, shipped_models
 from ddf.geometry import scans, transforms
 
 _UPS = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0), "-y": (0.0, -1.0, 0.0)}
+_EXPLAINED, _LIKELY = 0.5, 0.3  # under which a scan is warned of; chosen on validation scans
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +38,11 @@ class Completion:
     likeness: float
     _network: Any = dataclasses.field(repr=False)
     _found: Any = dataclasses.field(repr=False)
+
+    @property
+    def unlike(self) -> bool:
+        """Whether a warning is due: perhaps the object is not of the model's kind, or its pose or unit is another."""
+        return self.explained < _EXPLAINED or self.likeness < _LIKELY
 
     def save(self, folder: str | Path) -> None:
         """The field as a file of a folder that is made if needed: `ddf.load` reads it."""

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ddf.reconstruction import sampler
 
 BATCHES = (1, 7, 65536)  # rays that an ONNX file and its model are compared with
-EXPLAINED, LIKELY = 0.5, 0.3  # under which a scan is called unlike the model's kind; chosen on validation scans
 _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
@@ -226,14 +225,9 @@ def complete(
     storage.write_json(out / "completion.json", result)
     verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
     verdict += f"; its longest side is {2 * np.cbrt(np.linalg.det(found.pose[:3, :3])):.4g}"
-    if unlike(found.explained, found.likeness):
+    if found.unlike:
         verdict += f"; WARNING: perhaps no {Path(model).name}, or another pose or unit"
     return result | {"verdict": verdict + results.left_out(given.remarks)}
-
-
-def unlike(explained: float, likeness: float) -> bool:
-    """Whether a completed scan is warned of."""
-    return explained < EXPLAINED or likeness < LIKELY
 
 
 @command("model", api="reconstruction:generate")

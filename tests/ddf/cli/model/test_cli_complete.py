@@ -1,5 +1,6 @@
 """`ddf complete`."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 import ddf
 from ddf.core import shipped_models
 from ddf.geometry import mesh_io, scans
+
+DOUBTS = ((0.6, 0.4), (0.4, 0.9), (0.9, 0.2))  # explained and likeness
 
 pytestmark = pytest.mark.usefixtures("quick_completion")
 
@@ -57,3 +60,5 @@ def test_a_depth_image_without_its_cameras_place_stands_upright(scan):
     chair = ddf.complete(seen, "chair", n=50)
     up = chair.pose[:3, 1] / np.linalg.norm(chair.pose[:3, 1])
     assert up @ turn[:, 1] > 0.8  # the camera's Y is down
+    told = [dataclasses.replace(chair, explained=explained, likeness=likeness).unlike for explained, likeness in DOUBTS]
+    assert told == [False, True, True]
