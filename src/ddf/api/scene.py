@@ -170,7 +170,7 @@ def build(content: SceneFile, folder: Path) -> Scene:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """The scene of a file that `ddf scene` reads: fields, where they stand, the box, hard or soft.
+    """The scene of a file that `ddf render` draws: fields, where they stand, the box, hard or soft.
 
     Raises:
       FileNotFoundError: there is no such file, or no such field. ValueError: an unknown, missing or wrong key, named.

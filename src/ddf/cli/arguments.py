@@ -10,6 +10,7 @@ from ddf.cli.declare import Arg, Command
 from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
+_SCENES = (".yaml", ".yml")
 SHADED = "shaded"  # no output of a field, but a picture
 Camera = tuple[float, float, float | None]
 
@@ -24,6 +25,8 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     """
     for each in command.parameters:
         for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
+            if Path(given).suffix in _SCENES and "scene" not in each.arg.reads:
+                raise errors.InputError(f"{given}: scene files are for ddf render, ddf view and ddf.read_scene alone")
             shipped_models.require(given, *each.arg.reads)
     out, is_folder = written(command, args)
     if out is None:
@@ -132,13 +135,15 @@ _FLAGS = ("--output", "--outputs")
 FirstCamera: Camera = (35.0, 25.0, None)
 
 FieldPath = Annotated[Path, Arg("FIELD", parse=shipped_models.place, reads=("field",), help=_FIELD)]
+ShownPath = Annotated[
+    Path, Arg("FIELD", parse=shipped_models.place, reads=("field", "scene"), help=f"{_FIELD}; or a scene file")
+]
 ModelPath = Annotated[Path, Arg("MODEL", parse=shipped_models.place, reads=("reconstruction",))]
 MeshPath = Annotated[Path, Arg("MESH")]
 Rays = Annotated[Path, Arg("RAYS.npz", help="positions, directions: (N, 3), in the frame of the mesh")]
 OutFolder = Annotated[Path, Arg("OUT_DIR", writes="folder")]
 CameraOption = Annotated[Camera, Arg("AZ,EL[,R]", parse=camera, help=_CAMERA)]
 Outputs = Annotated[tuple[str, ...], Arg("NAME,...", parse=outputs, help=_OUTPUTS)]
-ImageOutputs = Annotated[tuple[str, ...], Arg("NAME,...", _FLAGS, outputs, f"{_OUTPUTS}; one for pictures")]
 PictureOutputs = Annotated[
     tuple[str, ...] | None, Arg("NAME,...", _FLAGS, _picture_outputs, f"{_OUTPUTS}; one for a picture; {_SHADED}")
 ]

@@ -7,10 +7,10 @@ import time
 import webbrowser
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, cast
 
 from ddf.cli import arguments, results
-from ddf.cli.arguments import CameraOption, FieldPath, ImageOutputs, PictureOutputs
+from ddf.cli.arguments import CameraOption, PictureOutputs, ShownPath
 from ddf.cli.declare import Arg, command
 from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
@@ -18,8 +18,7 @@ from ddf.fields import field_outputs
 if TYPE_CHECKING:
     import numpy as np
 
-    from ddf.api import scene as scenes
-    from ddf.fields import scene_field
+    from ddf.fields import framed_field, scene_field
     from ddf.io import viewer_page
 
 _FRAME_MS = 80
@@ -32,38 +31,42 @@ _SAMPLE = "sample_0.png"  # beside a model
 
 @command("field", api="queries:render")
 def render(
-    field: FieldPath,
+    field: ShownPath,
     out: Annotated[Path, Arg("OUT", writes="file")],
     *,
     camera: CameraOption = arguments.FirstCamera,
     size: Annotated[int, Arg("N", parse=arguments.whole_number(1, 8192))] = 256,
     outputs: PictureOutputs = None,
-    turn: Annotated[int | None, Arg("N", parse=arguments.whole_number(2, 360))] = None,
+    turn: Annotated[int | None, Arg("N", parse=arguments.whole_number(2, 360), group="path")] = None,
+    fly: Annotated[int | None, Arg("N", parse=arguments.whole_number(2, 1000), group="path")] = None,
     bits: Literal[8, 16] = 8,
     ao: Annotated[int | None, Arg("N", parse=arguments.whole_number(1, 1024))] = None,
     up: arguments.Up | None = None,
 ) -> dict[str, Any]:
-    """A picture, or the arrays, of what a camera sees of a field.
+    """A picture, or the arrays, of what a camera sees of a field or of a scene.
 
     The file's suffix says what is written.
 
     | file | holds |
     | --- | --- |
-    | `.png`, `.webp` | a shaded picture, or one output by `--output`; `--turn 36`: a shaded one that turns |
+    | `.png`, `.webp` | a shaded picture, or one output by `--output`; `--turn 36`: one that turns |
     | `.png` with `--bits 16` | depth = value × step, 0 where nothing is seen; the step is printed and in the file |
     | `.npz`, `.exr` | the arrays of all outputs that `--output` names; in EXR float32 channels |
 
-    Shadows are asked of the field. Most pixels take two rays at most; outlines, creases and edges of shadows up to 20.
-    `--ao N` adds N to each sample on the object. `evaluated`: rays asked; `saved`: those of all samples less these.
+    A [scene file](formats.md#scene-files) lists fields; each is asked for the rays that meet its box alone. Arrays of
+    `--turn` and `--fly` have an axis of frames. Shadows are asked of the field. Most pixels take two rays at most;
+    outlines, creases and edges of shadows up to 20. `--ao N` adds N to each sample on the object. `evaluated`: rays
+    asked; `saved`: those of all samples, of every field, less these.
     Without a distance a shaded picture frames the object and its shadow (`window`: left, top, side, of the camera's
     frame); with `--camera 35,25,0.7` it has the camera's frame, as outputs have.
 
     Args:
       out: .png, .webp, .npz, .exr: a picture of one output, or the numbers of several (npz, exr).
-      turn: a shaded picture that moves: N around the field.
+      turn: so many frames, once around.
+      fly: of a scene: so many frames of outputs along the waypoints of its file, or straight in.
       bits: 16: a PNG of depth holds the numbers, depth = value x step, 0 where nothing is seen (default 8: colours).
       ao: of a shaded picture: ambient occlusion by so many rays, 32 say.
-      up: axis that points up (default: what `ddf fit --up` was told, else y).
+      up: axis that points up (default: what `ddf fit --up` or the scene file was told, else y).
 
     Examples:
       ddf render rabbit rabbit.png
@@ -72,41 +75,73 @@ def render(
       ddf render rabbit normals.webp --output normals --camera -30,20 --size 512
       ddf render rabbit seen.npz --output visibility,depth,normals
       ddf render rabbit depth16.png --bits 16
+      ddf render scene.yaml scene.png
+      ddf render scene.yaml flight.webp --output normals --fly 48
     """
+    import numpy as np
+
+    from ddf.fields import framed_field
+    from ddf.geometry import rays
+
     suffix = out.suffix.lower()
     if (camera[2] or 0) < 0:
         raise errors.InputError(f"--camera: the distance must be 0 or more; got {camera[2]:g}")
     if outputs is None:
-        numbers = suffix not in results.PICTURES or bits == 16
+        numbers = suffix not in results.PICTURES or bits == 16 or fly is not None
         outputs = ("depth",) if numbers else (arguments.SHADED,)
-    _require_holds(out, suffix, outputs, {"turn": turn, "ao": ao}, bits)
-    up = up or _up_of(field)
+    _require_holds(out, suffix, outputs, {"fly": fly, "turn": turn}, ao, bits)
+    shown = _opened(field, up)
     if outputs == (arguments.SHADED,):
-        return _shaded(field, out, camera, size, turn, ao or 0, up)
-    from ddf.api import field as fields
-    from ddf.fields import framed_field
-
-    shape = fields.load(field).framed
-    if lacking := ", ".join(name for name in outputs if name not in shape.outputs):
+        return _shaded(shown, out, camera, size, turn, ao or 0)
+    if lacking := ", ".join(name for name in outputs if name not in shown.shape.outputs):
         components = "patches have one component, networks two: weight_1, normals_1, normals_2"
-        raise errors.InputError(f"{field}: has no {lacking} ({components}); it has {', '.join(shape.outputs)}")
-    azimuth, elevation, radius = camera
-    if radius is None:
-        radius = framed_field.framing_radius(shape, azimuth, elevation, up)
-    started = time.monotonic()
-    images, evaluated = framed_field.render(shape, (azimuth, elevation, radius), size, {"visibility", *outputs}, up)
+        raise errors.InputError(f"{field}: has no {lacking} ({components}); it has {', '.join(shown.shape.outputs)}")
+    started, names = time.monotonic(), {"visibility", *outputs}
+    around = [] if fly else _around(shown, camera, turn)
+    frames = [framed_field.render(shown.shape, each, size, names, shown.up)[0] for each in around]
+    for look in _flight(field, shown, camera, fly) if fly else ():
+        found, _ = framed_field.query(shown.shape, rays.OrientedPoints(*look.rays(size, shown.up)), names)
+        frames.append({name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()})
     seconds = time.monotonic() - started
+    images = {name: np.stack([frame[name] for frame in frames]) for name in names}
     drawn = {name: images[name] for name in outputs}
     seen = images["visibility"] >= framed_field.SEEN
     ranges = {name: _range(values, seen) | {"unit": field_outputs.OUTPUTS[name].unit} for name, values in drawn.items()}
-    step = _write(out, suffix, bits, drawn, images)
-    found = _told(out, f"{size} x {size}", (azimuth, elevation, radius), size**2, seen.mean(), evaluated, seconds)
+    step = _write(out, suffix, bits, drawn if turn or fly else {name: each[0] for name, each in drawn.items()}, frames)
+    found = _told(shown, out, size, len(frames), around[:1], seen.mean(), 1, seconds)
     if step is not None:
         found["depth_step"] = step
         found["verdict"] += f"; depth = value x {step:.6g}, 0 where nothing is seen"
     rows = [(name, *found.values()) for name, found in ranges.items()]
     table = results.grid(("output", "least", "largest", "unit"), rows)
-    return {"output": ",".join(outputs), "range": ranges, "saved": size**2 - evaluated, **found, "table": table}
+    return {"output": ",".join(outputs), "range": ranges, **found, "table": table}
+
+
+class _Opened(NamedTuple):
+    """A field or a scene of so many members, its fields, which count rays, the axis that points up, and waypoints."""
+
+    shape: "framed_field.FramedField"
+    counted: "Sequence[scene_field.Counted]"
+    members: int
+    up: arguments.Up
+    fly: "Sequence[scene_field.LookAt]" = ()
+
+
+def _opened(path: Path, up: arguments.Up | None) -> _Opened:
+    from ddf.api import field as fields
+    from ddf.api import scene as scenes
+    from ddf.fields import scene_field
+
+    if path.suffix not in scenes.SUFFIXES:
+        shape = scene_field.Counted(fields.load(path).framed)
+        return _Opened(shape, [shape], 1, up or _up_of(path))
+    content = scenes.read_content(path)
+    whole = scenes.build(content, path.parent).framed
+    assert isinstance(whole, scene_field.SceneField)
+    counted = {id(each): scene_field.Counted(each) for each in whole.fields}
+    shape = dataclasses.replace(whole, fields=tuple(counted[id(each)] for each in whole.fields))
+    waypoints = [stop.look_at() for stop in content.fly]
+    return _Opened(shape, list(counted.values()), len(whole.fields), up or content.up, waypoints)
 
 
 def _up_of(field: Path) -> arguments.Up:
@@ -118,68 +153,99 @@ def _up_of(field: Path) -> arguments.Up:
     return "z" if file.is_file() and storage.read_json(file).get("up") == "z" else "y"
 
 
-def _told(
-    out: Path, size: str, camera: arguments.Camera, pixels: int, seen: float, evaluated: int, seconds: float
-) -> dict[str, Any]:
-    """What is said of pictures of a field; `seen`: the share of pixels."""
+def _around(shown: _Opened, camera: arguments.Camera, turn: int | None) -> list[tuple[float, float, float]]:
+    """The camera, or so many once around; without a distance the box stays within every picture."""
+    from ddf.fields import framed_field
+
     azimuth, elevation, radius = camera
+    turned = [azimuth + 360.0 * i / (turn or 1) for i in range(turn or 1)]
+    if radius is None:
+        radius = max(framed_field.framing_radius(shown.shape, each, elevation, shown.up) for each in turned)
+    return [(each, elevation, radius) for each in turned]
+
+
+def _flight(file: Path, shown: _Opened, camera: arguments.Camera, frames: int) -> "list[scene_field.LookAt]":
+    """Along the waypoints of a scene; of one without, from the camera to the middle."""
+    from ddf.fields import scene_field
+
+    if not isinstance(shown.shape, scene_field.SceneField):
+        raise errors.InputError(f"{file}: --fly goes through a scene file; around one field goes --turn")
+    first = scene_field.one(shown.shape, *_around(shown, camera, None)[0], shown.up)
+    return scene_field.fly(shown.fly or scene_field.straight_in(shown.shape, first), frames)
+
+
+def _told(
+    shown: _Opened,
+    out: Path,
+    size: int,
+    frames: int,
+    first: Sequence[tuple[float, float, float]],
+    seen: float,
+    samples: int,
+    seconds: float,
+) -> dict[str, Any]:
+    """What is said of pictures. first: camera, none of a flight; seen: share of pixels; samples: a pixel's, at most."""
+    pixels, evaluated = frames * size**2, sum(field.queries for field in shown.counted)
     hint = "" if seen else "; NOTHING is seen: give another --camera, or none"
+    azimuth, elevation, radius = first[0] if first else (None, None, None)
+    place = f"{azimuth:g},{elevation:g},{radius:.6g}" if first else "its waypoints"
+    sizes = f"{size} x {size}" if frames == 1 else f"{frames} x {size} x {size}"
     return {
+        "frames": frames,
         "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": radius},
         "pixels": pixels,
         "evaluated": evaluated,
+        "saved": max(0, samples * pixels * shown.members - evaluated),
         "seen": round(seen * pixels),
         "seconds": round(seconds, 4),
-        "verdict": f"{out}: {size} pixels, {seen:.0%} of them see the object from {azimuth:g},{elevation:g},"
-        f"{radius:.6g}; {evaluated:,} rays in {seconds:.2f} s{hint}",
+        "verdict": f"{out}: {sizes} pixels, {seen:.0%} of them see the object from {place}; "
+        f"{evaluated:,} rays in {seconds:.2f} s{hint}",
     }
 
 
-def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], of_shaded: Mapping[str, Any], bits: int) -> None:
+def _require_holds(
+    out: Path, suffix: str, outputs: tuple[str, ...], path: Mapping[str, int | None], ao: int | None, bits: int
+) -> None:
     pictures, shaded = results.PICTURES, outputs == (arguments.SHADED,)
     if suffix not in (*pictures, *results.ARRAYS):
         raise errors.InputError(f"{out}: must end in one of {', '.join((*pictures, *results.ARRAYS))}")
     if shaded and suffix not in pictures:
         raise errors.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
-    wrong = [name for name, value in of_shaded.items() if value is not None and not shaded]
-    if wrong:
-        raise errors.InputError(f"--{wrong[0]} goes with --output {arguments.SHADED}; got {','.join(outputs)}")
+    if ao is not None and not shaded:
+        raise errors.InputError(f"--ao goes with --output {arguments.SHADED}; got {','.join(outputs)}")
+    if path["fly"] is not None and shaded:
+        raise errors.InputError("--fly shows outputs: --output depth, say; --turn goes with shaded pictures")
     if suffix in pictures and len(outputs) > 1:
         raise errors.InputError(f"{out}: a picture shows one output, .npz and .exr hold {len(outputs)}")
     if bits == 16 and (suffix != ".png" or outputs != ("depth",)):
         raise errors.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
+    moving = next((name for name, frames in path.items() if frames is not None), None)
+    if moving and (bits == 16 or suffix == ".exr"):
+        raise errors.InputError(f"{out}: holds one frame; the numbers of --{moving} go to .npz")
 
 
 def _shaded(
-    field: Path, out: Path, camera: arguments.Camera, size: int, turn: int | None, ao: int, up: arguments.Up
+    shown: _Opened, out: Path, camera: arguments.Camera, size: int, turn: int | None, ao: int
 ) -> dict[str, Any]:
     import numpy as np
 
-    from ddf.api import field as fields
     from ddf.core import storage
-    from ddf.fields import framed_field, scene_field
     from ddf.pictures import shaded
 
-    shape = scene_field.Counted(fields.load(field).framed)
-    azimuth, elevation, radius = camera
-    turned = [azimuth + 360.0 * i / (turn or 1) for i in range(turn or 1)]
-    framed = radius is None
-    far = max(framed_field.framing_radius(shape, each, elevation, up) for each in turned) if framed else radius
-    started = time.monotonic()
-    seen_by, standing = [(each, elevation, far) for each in turned], shaded.stand(shape, up)
-    shown = shaded.window(standing, seen_by) if framed else shaded.WHOLE
-    frames = [shaded.render(standing, each, size, shown, sky=ao) for each in seen_by]
+    started, around = time.monotonic(), _around(shown, camera, turn)
+    standing = shaded.stand(shown.shape, shown.up)
+    part = shaded.window(standing, around) if camera[2] is None else shaded.WHOLE
+    frames = [shaded.render(standing, each, size, part, sky=ao) for each in around]
     seconds = time.monotonic() - started
     pictures = [frame.picture for frame in frames]
     storage.write_bytes(out, results.encode(pictures, out.suffix.lower(), _FRAME_MS))
-    pixels, seen = len(frames) * size**2, float(np.mean([frame.seen for frame in frames]))
-    told = f"{len(frames)} x {size} x {size}" if turn else f"{size} x {size}"
-    found = _told(out, told, (azimuth, elevation, far), pixels, seen, shape.queries, seconds)
-    saved = max(0, (2 + ao) * shaded.MOST_SAMPLES * pixels - shape.queries)
-    own = "the camera's own frame"
-    around = f"around the object and its shadow; --camera {azimuth:g},{elevation:g},{far:.6g} gives {own}"
-    table = {"picture": own if shown == shaded.WHOLE else around, "rays asked": shape.queries, "rays saved": saved}
-    return {"output": arguments.SHADED, "frames": len(frames), "window": shown, "saved": saved, **found, "table": table}
+    seen = float(np.mean([frame.seen for frame in frames]))
+    found = _told(shown, out, size, len(frames), around[:1], seen, (2 + ao) * shaded.MOST_SAMPLES, seconds)
+    own, (azimuth, elevation, radius) = "the camera's own frame", around[0]
+    framed = f"around the object and its shadow; --camera {azimuth:g},{elevation:g},{radius:.6g} gives {own}"
+    place = own if part == shaded.WHOLE else framed
+    table = {"picture": place, "rays asked": found["evaluated"], "rays saved": found["saved"]}
+    return {"output": arguments.SHADED, "window": part, **found, "table": table}
 
 
 def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:
@@ -191,9 +257,13 @@ def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:
 
 
 def _write(
-    out: Path, suffix: str, bits: int, drawn: "Mapping[str, np.ndarray]", images: "dict[str, np.ndarray]"
+    out: Path,
+    suffix: str,
+    bits: int,
+    drawn: "Mapping[str, np.ndarray]",
+    frames: "Sequence[dict[str, np.ndarray]]",
 ) -> float | None:
-    """Write the file; the step of a depth of 16 bits."""
+    """Write the arrays, or a picture of each of the frames; the step of a depth of 16 bits."""
     from ddf.core import storage
 
     if suffix == ".exr":
@@ -208,7 +278,11 @@ def _write(
         from ddf.pictures import field_pictures
 
         (name,) = drawn
-        storage.write_bytes(out, results.encode([field_pictures.picture(name, images)], suffix))
+        if name == "depth":
+            pictures = field_pictures.depth_pictures(*(frame[name] for frame in frames))
+        else:
+            pictures = [field_pictures.picture(name, frame) for frame in frames]
+        storage.write_bytes(out, results.encode(pictures, suffix, _FRAME_MS))
     return None
 
 
@@ -339,106 +413,3 @@ def _scene_page(file: Path) -> "viewer_page.Page":
     if page.box is not None:  # the page cuts the box open
         return page
     return dataclasses.replace(page, first=viewer_page.first(scene, page.azimuth, content.up))
-
-
-@command("field", api="queries:render")
-def scene(
-    scene: Annotated[Path, Arg("SCENE.yaml")],
-    out: Annotated[Path, Arg("OUT", writes="file")],
-    *,
-    camera: CameraOption = arguments.FirstCamera,
-    path: Literal["orbit", "fly"] | None = None,
-    frames: Annotated[int, Arg("N", parse=arguments.whole_number(2, 1000))] = 24,
-    size: Annotated[int, Arg("N", parse=arguments.whole_number(1, 2048))] = 256,
-    outputs: ImageOutputs = ("depth",),
-) -> dict[str, Any]:
-    """Several fields in one scene, from one camera or along a path.
-
-    The [scene file](formats.md#scene-files) lists them. A field is asked for the rays that meet its box alone. A path
-    gives moving pictures, or arrays with an axis of frames.
-
-    Args:
-      scene: fields and where they stand: docs/formats.md.
-      out: .png, .webp, .npz: pictures of one output, moving on a path; or the numbers.
-      path: orbit: once around the box; fly: along the waypoints of the file, or straight in.
-      frames: of a path.
-
-    Examples:
-      ddf scene scene.yaml scene.png
-      ddf scene scene.yaml normals.webp --output normals --path fly --frames 48
-      ddf scene scene.yaml around.npz --output visibility,depth,normals --path orbit --frames 8
-    """
-    import numpy as np
-
-    from ddf.api import scene as scenes
-    from ddf.core import storage
-    from ddf.fields import framed_field, scene_field
-    from ddf.geometry import rays
-
-    suffix, known = out.suffix.lower(), (*results.PICTURES, ".npz")
-    if suffix not in known:
-        raise errors.InputError(f"{out}: must end in one of {', '.join(known)}")
-    if suffix in results.PICTURES and len(outputs) > 1:
-        raise errors.InputError(f"{out}: pictures show one output, .npz holds {len(outputs)}")
-    content = scenes.read_content(scene)
-    whole = scenes.build(content, scene.parent).framed
-    assert isinstance(whole, scene_field.SceneField)
-    counted = {id(each): scene_field.Counted(each) for each in whole.fields}
-    shown = dataclasses.replace(whole, fields=tuple(counted[id(each)] for each in whole.fields))
-    looks = _cameras(shown, content, camera, path, frames)
-    started = time.monotonic()
-    seen: list[dict[str, np.ndarray]] = []
-    for look in looks:
-        asked = rays.OrientedPoints(*look.rays(size, content.up))
-        found, _ = framed_field.query(shown, asked, {"visibility", *outputs})
-        seen.append({name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()})
-    seconds = time.monotonic() - started
-    stacked = {name: np.stack([frame[name] for frame in seen]) for name in seen[0]}
-    if suffix == ".npz":
-        arrays = {name: stacked[name] if path else stacked[name][0] for name in outputs}
-        storage.write_bytes(out, results.npz(arrays))
-    else:
-        storage.write_bytes(out, results.encode(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
-    pixels, queries = size**2 * len(looks), sum(field.queries for field in counted.values())
-    saved = pixels * len(whole.fields) - queries  # of every object asked once for every pixel
-    return {
-        "objects": len(whole.fields),
-        "frames": len(looks),
-        "pixels": pixels,
-        "queries": queries,
-        "queries_per_pixel": queries / pixels,
-        "saved": saved,
-        "seen": float((stacked["visibility"] >= 0.5).mean()),
-        "seconds": round(seconds, 4),
-        "verdict": f"{out}: {len(looks)} x {size} x {size} pixels of {len(whole.fields)} objects; "
-        f"{queries / pixels:.3g} queries a pixel; the boxes saved {saved:,} of {saved + queries:,}",
-    }
-
-
-def _cameras(
-    field: "scene_field.SceneField",
-    content: "scenes.SceneFile",
-    camera: arguments.Camera,
-    path: str | None,
-    frames: int,
-) -> "list[scene_field.LookAt]":
-    from ddf.fields import framed_field, scene_field
-
-    azimuth, elevation, radius = camera
-    if path == "orbit":
-        return scene_field.orbit(field, azimuth, elevation, radius, frames, content.up)
-    if path == "fly" and content.fly:
-        return scene_field.fly([waypoint.look_at() for waypoint in content.fly], frames)
-    if radius is None:
-        radius = framed_field.framing_radius(field, azimuth, elevation, content.up)
-    first = scene_field.one(field, azimuth, elevation, radius, content.up)
-    return scene_field.fly(scene_field.straight_in(field, first), frames) if path == "fly" else [first]
-
-
-def _pictures(name: str, stacked: "dict[str, np.ndarray]") -> "list[np.ndarray]":
-    from ddf.pictures import field_pictures
-
-    if name == "depth":
-        return field_pictures.depth_pictures(*stacked["depth"])
-    frames = range(len(stacked["visibility"]))
-    return [field_pictures.picture(name, {key: values[i] for key, values in stacked.items()}) for i in frames]

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from ddf.fields import framed_field
 from ddf.geometry import mesh_io, raycast, rays, transforms
-from ddf.pictures import picture_strips, shaded
+from ddf.pictures import shaded
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def picture(field: framed_field.FramedField, truth: MeshField, up: str = "y") ->
     for name, each in (("field", shaded.Standing(field, up, standing.floor)), ("mesh", standing)):
         tiles = [shaded.render(each, camera, SIZE, part).picture for camera, part in zip(cameras, shown, strict=True)]
         row = Image.fromarray(np.concatenate(tiles, axis=1))
-        ImageDraw.Draw(row).text((8, 6), name, fill=(90, 95, 105), font=picture_strips.font(18))
+        ImageDraw.Draw(row).text((8, 6), name, fill=(90, 95, 105), font=ImageFont.load_default(18))
         rows.append(np.asarray(row))
     return np.concatenate(rows, axis=0)
 

@@ -14,9 +14,12 @@ from pathlib import Path
 import _page_inputs
 import pytest
 
+from ddf.core import extras
+
 ROOT = Path(__file__).resolve().parents[3]
 UV = ROOT / ".venv" / "bin" / "uv"
 HEAVY = ("torch", "torchvision", "pandas", "matplotlib", "open3d", "trimesh", "scipy", "onnxruntime", "numpy")
+BROUGHT = {"": (), "torch": ("joblib", "onnx", "onnxruntime", "open3d", "torch", "trimesh")}  # by extras
 PYTHONS = ("3.11", "3.12", "3.13")
 BASE_BYTES = 450e6
 ALONE = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONDONTWRITEBYTECODE")}
@@ -44,7 +47,8 @@ def section(extra: str) -> list[str]:
     heading = f'pip install ".[{extra}]"' if extra else "pip install ."
     (found,) = re.findall(rf"(?ms)^## With `{re.escape(heading)}`$(.*?)(?=^## |\Z)", QUICK_START)
     shell = "".join(re.findall(r"(?ms)^```sh\n(.*?)^```$", found if extra else found + README))
-    return [line for line in shell.splitlines() if line.startswith("ddf ")]
+    lines = [line for line in shell.splitlines() if line.startswith("ddf ")]
+    return [*(section("")[:1] if extra else ()), *lines]  # all begin with the fit of the first page
 
 
 def scripts(extra: str, folder: Path) -> list[str]:
@@ -61,6 +65,19 @@ def scripts(extra: str, folder: Path) -> list[str]:
         (folder / f"of_{name}.py").write_text(code, encoding="utf-8")
         found.append(f"python of_{name}.py")
     return found
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("extra", ["", "torch"], ids=["base", "torch"])
+def test_the_commands_of_the_pages_need_no_package_of_another_extra(extra, tmp_path):
+    """As the walk in fresh environments, in this one: what its extra does not bring cannot be imported."""
+    _page_inputs.write(tmp_path)
+    hidden = sorted({*extras.EXTRA_OF} - {*BROUGHT[extra]})
+    program = f"import sys; sys.modules.update(dict.fromkeys({hidden!r})); import shlex, ddf.cli\n"
+    program += "for line in sys.argv[1:]:\n    if ddf.cli.main(shlex.split(line)[1:]): sys.exit(line)"
+    lines = [line for line in dict.fromkeys(section(extra)) if "--minutes" not in line]
+    done = subprocess.run([sys.executable, "-c", program, *lines], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def interpreter(version: str) -> Path | None:
