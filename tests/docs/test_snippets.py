@@ -131,11 +131,8 @@ def found_in_configs(name: str) -> bool:
     return all(re.search(rf"(?m)\b{word}:", text) for word in name.split("."))
 
 
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(page, marks=[] if page.name == "README.md" else pytest.mark.slow) for page in PAGES],
-    ids=lambda page: page.name,
-)
+@pytest.mark.slow  # those of README and quickstart run in tests/ddf/api/test_install.py each time
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 @pytest.mark.timeout(3600)  # of many commands, on a busy machine
 def test_commands_run(page, tmp_path):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
