@@ -192,6 +192,10 @@ def load(path_or_name: str | Path) -> Field:
         from ddf.io import onnx_field
 
         return Field(onnx_field.load(path), path)
+    if path.is_file() and path.suffix != ".safetensors":
+        raise checks.InputError(
+            f"{path}: is no field: give a folder that ddf fit wrote, its model.safetensors, or .onnx"
+        )
     with extras.named():
         return Field(stored_fields.load(path), path)
 

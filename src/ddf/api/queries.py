@@ -16,7 +16,9 @@ FARTHEST = 1e100
 
 
 class Queried:
-    """A field or a scene that can be asked along rays, from cameras and for distances."""
+    """A field or a scene that can be asked along rays, from cameras and for distances. up: the axis that points up."""
+
+    up = "y"
 
     def __init__(self, framed: framed_field.FramedField) -> None:
         self.framed = framed
@@ -74,7 +76,7 @@ class Queried:
         radius: int | float | None = None,
         size: int = 256,
         outputs: Collection[str] = ("depth", "visibility"),
-        up: str = "y",
+        up: str | None = None,
     ) -> dict[str, Float[np.ndarray, "size size ..."]]:
         """Pictures from a camera that looks at the centre of the box.
 
@@ -83,7 +85,7 @@ class Queried:
           radius: its distance from the centre, 0.57 is one diagonal of the box; None frames the box.
           size: pixels a side.
           outputs: some of `outputs`, as `query` gives them; depth is along the ray, from the camera.
-          up: the axis of the mesh that points up, y or z.
+          up: the axis of the mesh that points up, y or z; None: that of the scene file, else y.
         Returns:
           float64 arrays by name, (size, size) or (size, size, 3), the first row on top.
         Raises:
@@ -96,6 +98,7 @@ class Queried:
           ((32, 32), (32, 32, 3))
         """
         checks.require_whole("size", size, 1)
+        up = up or self.up
         if radius is None:
             radius = framed_field.framing_radius(self.framed, float(azimuth_deg), float(elevation_deg), up)
         camera = (float(azimuth_deg), float(elevation_deg), float(radius))

@@ -12,13 +12,14 @@ from scipy.spatial import transform
 
 from ddf.api import queries
 from ddf.api.field import Field, load
-from ddf.core import checks, config
+from ddf.core import checks, config, shipped_models
 from ddf.fields import scene_field
 from ddf.geometry import transforms as frames
 
 Box = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
 Triple = tuple[float, float, float]
 SUFFIXES = (".yaml", ".yml")
+_SMALLEST = 1e-300  # temperature: its inverse is finite
 
 
 class Scene(queries.Queried):
@@ -30,12 +31,13 @@ class Scene(queries.Queried):
         scene_from_mesh: Sequence[frames.Similarity],
         box: Box | None = None,
         blend: scene_field.Blend | None = None,
+        up: str = "y",
     ) -> None:
         corners = np.concatenate([to.apply(field.corners) for field, to in zip(fields, scene_from_mesh, strict=True)])
         lower, upper = (corners.min(axis=0), corners.max(axis=0)) if box is None else box
         framed = tuple(field.framed for field in fields)
         super().__init__(scene_field.SceneField(framed, tuple(scene_from_mesh), lower, upper, blend))
-        self._fields, self._places = tuple(fields), tuple(scene_from_mesh)
+        self._fields, self._places, self.up = tuple(fields), tuple(scene_from_mesh), up
 
     def udf(self, positions: npt.ArrayLike) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
         """Unsigned distances to the nearest surface of the scene, and the directions of the closest point.
@@ -79,6 +81,8 @@ def compose(fields: Sequence[Field], transforms: Sequence[Any], soft: float | No
       >>> bool(np.isclose(*depth, atol=1e-4))
       True
     """
+    if not all(isinstance(each, Field) for each in fields):
+        raise checks.InputError("a scene is made of fields, such as ddf.load gives")
     if not fields or len(fields) != len(transforms):
         raise checks.InputError(f"a scene needs fields and a transform for each; got {len(fields)}, {len(transforms)}")
     if soft is not None and not 0 < soft < float("inf"):
@@ -103,8 +107,8 @@ class Placement:
     translation: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not self.scale > 0:
-            raise checks.InputError(f"scale must be positive; got {self.scale}")
+        _require_near(*self.translation)
+        self.similarity()
 
     def similarity(self) -> frames.Similarity:
         """From the frame of the mesh to that of the scene."""
@@ -120,6 +124,7 @@ class BoxCorners:
     upper: Triple
 
     def __post_init__(self) -> None:
+        _require_near(*self.lower, *self.upper)
         if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
             raise checks.InputError(f"lower must be below upper on every axis; got {self.lower} and {self.upper}")
 
@@ -130,6 +135,10 @@ class Waypoint:
 
     position: Triple
     target: Triple
+
+    def __post_init__(self) -> None:
+        _require_near(*self.position, *self.target)
+        self.look_at()
 
     def look_at(self) -> scene_field.LookAt:
         """As a camera."""
@@ -149,10 +158,13 @@ class SceneFile:
     def __post_init__(self) -> None:
         if not self.objects:
             raise checks.InputError("objects must list one field or more; got none")
-        if self.soft is not None and not self.soft > 0:
+        if self.soft is not None and not _SMALLEST <= self.soft < float("inf"):
             raise checks.InputError(f"soft must be positive, or null; got {self.soft}")
-        for waypoint in self.fly:
-            waypoint.look_at()
+
+
+def _require_near(*numbers: float) -> None:
+    if max(map(abs, numbers)) > queries.FARTHEST:
+        raise checks.InputError(f"numbers must be within {queries.FARTHEST:g}; got {numbers}")
 
 
 def read_content(path: str | Path) -> SceneFile:
@@ -160,20 +172,25 @@ def read_content(path: str | Path) -> SceneFile:
     return config.parse(config.read_yaml(path), SceneFile, f"{path}: scene")
 
 
-def build(content: SceneFile, folder: Path) -> Scene:
-    """The scene of a file's content, fields from a folder; one that is named several times is loaded once."""
-    loaded = {name: load(field_beside(folder, name)) for name in {placement.field for placement in content.objects}}
+def build(content: SceneFile, path: Path) -> Scene:
+    """The scene of a file's content; a field that is named several times is loaded once. Errors name the file."""
+    loaded = {}
+    for name in dict.fromkeys(placement.field for placement in content.objects):
+        try:
+            loaded[name] = load(field_beside(path.parent, name))
+        except (checks.InputError, FileNotFoundError) as error:
+            raise checks.InputError(f"{path}: scene.objects: field {name!r}: {error}") from error
     box = None if content.box is None else (np.array(content.box.lower), np.array(content.box.upper))
     blend = None if content.soft is None else scene_field.Blend(content.soft)
     places = [placement.similarity() for placement in content.objects]
-    return Scene([loaded[placement.field] for placement in content.objects], places, box, blend)
+    return Scene([loaded[placement.field] for placement in content.objects], places, box, blend, content.up)
 
 
 def read_scene(path: str | Path) -> Scene:
     """The scene of a file that `ddf render` draws: fields, where they stand, the box, hard or soft.
 
     Raises:
-      FileNotFoundError: there is no such file, or no such field. ValueError: an unknown, missing or wrong key, named.
+      FileNotFoundError: there is no such file. ValueError: an unknown, missing or wrong key, or no such field, named.
 
     Example:
       >>> import ddf, pathlib, tempfile
@@ -182,9 +199,10 @@ def read_scene(path: str | Path) -> Scene:
       >>> ddf.read_scene(file).render(size=16)["depth"].shape
       (16, 16)
     """
-    return build(read_content(path), Path(path).parent)
+    return build(read_content(path), Path(path))
 
 
-def field_beside(folder: Path, name: str) -> Path | str:
-    """The file or folder beside the scene file; the name where there is none."""
-    return folder / name if (folder / name).exists() else name
+def field_beside(folder: Path, name: str) -> Path:
+    """The file or folder beside the scene file; where there is none, the model of that name."""
+    beside, known = folder / name, {model.name: model.folder for model in shipped_models.listed()}
+    return beside if beside.exists() else known.get(name, beside)

@@ -1,6 +1,7 @@
 """Arguments that several commands share, checked before any work; nothing here takes long to import."""
 
 import argparse
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
 _SCENES = (".yaml", ".yml")
+_FAR = 1e100  # diagonals from which a camera looks, at most
 SHADED = "shaded"  # no output of a field, but a picture
 Camera = tuple[float, float, float | None]
 
@@ -25,7 +27,7 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     """
     for each in command.parameters:
         for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
-            if Path(given).suffix in _SCENES and "scene" not in each.arg.reads:
+            if Path(given).suffix.lower() in _SCENES and "scene" not in each.arg.reads:
                 raise errors.InputError(f"{given}: scene files are for ddf render, ddf view and ddf.read_scene alone")
             shipped_models.require(given, *each.arg.reads)
     out, is_folder = written(command, args)
@@ -115,12 +117,16 @@ def camera(text: str) -> Camera:
         (distance,) = radius or [None]
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"must be two or three numbers az,el[,r]; got {text!r}") from error
+    if not all(map(math.isfinite, (azimuth, elevation, distance or 0.0))) or abs(distance or 0.0) > _FAR:
+        raise argparse.ArgumentTypeError(f"must be finite, the distance within {_FAR:g}; got {text!r}")
     if abs(elevation) > 90:
         raise argparse.ArgumentTypeError(f"the elevation must be in -90..90 degrees; got {elevation:g}")
     return azimuth, elevation, distance
 
 
 def _picture_outputs(text: str) -> tuple[str, ...]:
+    if SHADED in text.split(",") and text != SHADED:
+        raise argparse.ArgumentTypeError(f"{SHADED} stands alone; got {text!r}")
     return (SHADED,) if text == SHADED else outputs(text)
 
 
@@ -128,7 +134,7 @@ _OUTPUTS = f"some of {', '.join(field_outputs.OUTPUTS)}"
 _FIELD = "folder that `ddf fit` wrote, its model.safetensors, its ONNX file, or a name that `ddf models` lists"
 _CAMERA = (
     "azimuth and elevation in degrees, and the distance from the box's centre with 0.57 for one diagonal of the box; "
-    "without it the box fills the picture (default 35,25)"
+    "without it the box, or what a shaded picture sees, fills the picture (default 35,25)"
 )
 _SHADED = f"{SHADED}: grey clay under a lamp, the default of pictures, where numbers are the depth"
 _FLAGS = ("--output", "--outputs")

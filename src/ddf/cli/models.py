@@ -232,7 +232,7 @@ def complete(
 
 @command("model", api="reconstruction:generate")
 def generate(
-    model: Annotated[Path, Arg("MODEL")],
+    model: ModelPath,
     out: OutFolder,
     *,
     samples: Annotated[int, Arg(None, ("-n", "--samples"), arguments.whole_number(1, 1000), like="n")] = 8,
@@ -256,8 +256,7 @@ def generate(
     from ddf.pictures import picture_strips
     from ddf.reconstruction import sampler
 
-    path = shipped_models.require(model, "reconstruction")
-    drawn = sampler.load(path.parent if path.is_file() else path)
+    drawn = sampler.load(model.parent if model.is_file() else model)
     latents = generated_images.latents(samples, drawn.features, seed, "samples")
     features = drawn.images.config.texture_features if drawn.images else 0
     textures = generated_images.latents(samples, features, seed, "textures")

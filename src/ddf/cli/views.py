@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ddf.io import viewer_page
 
 _FRAME_MS = 80
+_MOST_PIXELS = 2**26  # of all frames
 _PAGE = ".html"
 _NAMED = 4  # fields of a title
 _MODELS = ("ddf", "ddf_image")  # kinds of files of models that make a field of a picture
@@ -57,7 +58,7 @@ def render(
     `--turn` and `--fly` have an axis of frames. Shadows are asked of the field. Most pixels take two rays at most;
     outlines, creases and edges of shadows up to 20. `--ao N` adds N to each sample on the object. `evaluated`: rays
     asked; `saved`: those of all samples, of every field, less these.
-    Without a distance a shaded picture frames the object and its shadow (`window`: left, top, side, of the camera's
+    Without a distance a shaded picture frames what is seen of the object (`window`: left, top, side, of the camera's
     frame); with `--camera 35,25,0.7` it has the camera's frame, as outputs have.
 
     Args:
@@ -90,6 +91,8 @@ def render(
         numbers = suffix not in results.PICTURES or bits == 16 or fly is not None
         outputs = ("depth",) if numbers else (arguments.SHADED,)
     _require_holds(out, suffix, outputs, {"fly": fly, "turn": turn}, ao, bits)
+    if (pixels := size**2 * (fly or turn or 1)) > _MOST_PIXELS:
+        raise errors.InputError(f"{out}: {pixels:,} pixels of all frames; at most {_MOST_PIXELS:,}")
     shown = _opened(field, up)
     if outputs == (arguments.SHADED,):
         return _shaded(shown, out, camera, size, turn, ao or 0)
@@ -97,18 +100,18 @@ def render(
         components = "patches have one component, networks two: weight_1, normals_1, normals_2"
         raise errors.InputError(f"{field}: has no {lacking} ({components}); it has {', '.join(shown.shape.outputs)}")
     started, names = time.monotonic(), {"visibility", *outputs}
-    around = [] if fly else _around(shown, camera, turn)
-    frames = [framed_field.render(shown.shape, each, size, names, shown.up)[0] for each in around]
-    for look in _flight(field, shown, camera, fly) if fly else ():
+    around = _around(shown, camera, turn)
+    frames = [] if fly else [framed_field.render(shown.shape, each, size, names, shown.up)[0] for each in around]
+    for look in _flight(field, shown, around[0], camera, fly) if fly else ():
         found, _ = framed_field.query(shown.shape, rays.OrientedPoints(*look.rays(size, shown.up)), names)
         frames.append({name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()})
     seconds = time.monotonic() - started
     images = {name: np.stack([frame[name] for frame in frames]) for name in names}
     drawn = {name: images[name] for name in outputs}
     seen = images["visibility"] >= framed_field.SEEN
-    ranges = {name: _range(values, seen) | {"unit": field_outputs.OUTPUTS[name].unit} for name, values in drawn.items()}
+    ranges = {name: _range(values, seen) | {"unit": _unit(shown, name)} for name, values in drawn.items()}
     step = _write(out, suffix, bits, drawn if turn or fly else {name: each[0] for name, each in drawn.items()}, frames)
-    found = _told(shown, out, size, len(frames), around[:1], seen.mean(), 1, seconds)
+    found = _told(shown, out, size, len(frames), None if shown.fly and fly else around[0], seen.mean(), 1, seconds)
     if step is not None:
         found["depth_step"] = step
         found["verdict"] += f"; depth = value x {step:.6g}, 0 where nothing is seen"
@@ -132,11 +135,11 @@ def _opened(path: Path, up: arguments.Up | None) -> _Opened:
     from ddf.api import scene as scenes
     from ddf.fields import scene_field
 
-    if path.suffix not in scenes.SUFFIXES:
+    if path.suffix.lower() not in scenes.SUFFIXES:
         shape = scene_field.Counted(fields.load(path).framed)
         return _Opened(shape, [shape], 1, up or _up_of(path))
     content = scenes.read_content(path)
-    whole = scenes.build(content, path.parent).framed
+    whole = scenes.build(content, path).framed
     assert isinstance(whole, scene_field.SceneField)
     counted = {id(each): scene_field.Counted(each) for each in whole.fields}
     shape = dataclasses.replace(whole, fields=tuple(counted[id(each)] for each in whole.fields))
@@ -149,7 +152,7 @@ def _up_of(field: Path) -> arguments.Up:
     from ddf.core import storage
     from ddf.fit import fit_folder
 
-    file = field / fit_folder.METRICS
+    file = (field if field.is_dir() else field.parent) / fit_folder.METRICS
     return "z" if file.is_file() and storage.read_json(file).get("up") == "z" else "y"
 
 
@@ -164,14 +167,24 @@ def _around(shown: _Opened, camera: arguments.Camera, turn: int | None) -> list[
     return [(each, elevation, radius) for each in turned]
 
 
-def _flight(file: Path, shown: _Opened, camera: arguments.Camera, frames: int) -> "list[scene_field.LookAt]":
-    """Along the waypoints of a scene; of one without, from the camera to the middle."""
+def _flight(
+    file: Path, shown: _Opened, first: tuple[float, float, float], camera: arguments.Camera, frames: int
+) -> "list[scene_field.LookAt]":
+    """Along the waypoints of a scene; of one without, from the first camera to the middle."""
     from ddf.fields import scene_field
 
     if not isinstance(shown.shape, scene_field.SceneField):
         raise errors.InputError(f"{file}: --fly goes through a scene file; around one field goes --turn")
-    first = scene_field.one(shown.shape, *_around(shown, camera, None)[0], shown.up)
-    return scene_field.fly(shown.fly or scene_field.straight_in(shown.shape, first), frames)
+    if shown.fly and camera is not arguments.FirstCamera:
+        raise errors.InputError(f"{file}: its waypoints tell where the camera is; leave --camera out")
+    stops = shown.fly or scene_field.straight_in(shown.shape, scene_field.one(shown.shape, *first, shown.up))
+    return scene_field.fly(stops, frames)
+
+
+def _unit(shown: _Opened, name: str) -> str:
+    """Of an output; a scene's are in its own frame."""
+    unit = field_outputs.OUTPUTS[name].unit
+    return unit if shown.members == 1 else unit.replace("mesh", "scene")
 
 
 def _told(
@@ -179,7 +192,7 @@ def _told(
     out: Path,
     size: int,
     frames: int,
-    first: Sequence[tuple[float, float, float]],
+    first: tuple[float, float, float] | None,
     seen: float,
     samples: int,
     seconds: float,
@@ -187,7 +200,7 @@ def _told(
     """What is said of pictures. first: camera, none of a flight; seen: share of pixels; samples: a pixel's, at most."""
     pixels, evaluated = frames * size**2, sum(field.queries for field in shown.counted)
     hint = "" if seen else "; NOTHING is seen: give another --camera, or none"
-    azimuth, elevation, radius = first[0] if first else (None, None, None)
+    azimuth, elevation, radius = first or (None, None, None)
     place = f"{azimuth:g},{elevation:g},{radius:.6g}" if first else "its waypoints"
     sizes = f"{size} x {size}" if frames == 1 else f"{frames} x {size} x {size}"
     return {
@@ -240,9 +253,9 @@ def _shaded(
     pictures = [frame.picture for frame in frames]
     storage.write_bytes(out, results.encode(pictures, out.suffix.lower(), _FRAME_MS))
     seen = float(np.mean([frame.seen for frame in frames]))
-    found = _told(shown, out, size, len(frames), around[:1], seen, (2 + ao) * shaded.MOST_SAMPLES, seconds)
+    found = _told(shown, out, size, len(frames), around[0], seen, (2 + ao) * shaded.MOST_SAMPLES, seconds)
     own, (azimuth, elevation, radius) = "the camera's own frame", around[0]
-    framed = f"around the object and its shadow; --camera {azimuth:g},{elevation:g},{radius:.6g} gives {own}"
+    framed = f"around the object; --camera {azimuth:g},{elevation:g},{radius:.6g} gives {own}"
     place = own if part == shaded.WHOLE else framed
     table = {"picture": place, "rays asked": found["evaluated"], "rays saved": found["saved"]}
     return {"output": arguments.SHADED, "window": part, **found, "table": table}
@@ -322,7 +335,7 @@ def view(
     """
     from ddf.io import viewer_page
 
-    page = page_of(what, up or _up_of(what[0]))
+    page = page_of(what, up)
     path = out or Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
     size = viewer_page.write(path, page)
     opened = out is None and webbrowser.open(path.as_uri())
@@ -336,7 +349,7 @@ def view(
     }
 
 
-def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
+def page_of(what: Sequence[Path], up: arguments.Up | None = None) -> "viewer_page.Page":
     """The page of a field, of a scene file, or of what a model makes of a picture; of several side by side. InputError
     where what must stand alone does not.
     """
@@ -345,15 +358,15 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
     from ddf.fields import field_file
     from ddf.io import viewer_page
 
-    files = [path for path in what if path.suffix in scenes.SUFFIXES]
+    files = [path for path in what if path.suffix.lower() in scenes.SUFFIXES]
     if files and len(what) == 1:
-        return _scene_page(files[0])
+        return _scene_page(files[0], up)
     if files:
         raise errors.InputError(f"{files[0]}: a scene file is shown alone; it may name all fields")
     missing = next((path for path in what if len(what) > 1 and not path.exists()), None)
     if missing is not None:
         raise FileNotFoundError(f"{missing}: no such field; a file to write must end in .html")
-    shown = list(_shown(what))
+    shown, up = list(_shown(what)), up or _up_of(what[0])
     if len(shown) > 1:
         title = ", ".join(name for name, _, _ in shown) if len(shown) <= _NAMED else f"{len(shown)} fields"
         return viewer_page.side_by_side(title, [(name, shape) for name, shape, _ in shown], up)
@@ -397,19 +410,19 @@ def _reconstructed(picture: Path, model: Path) -> "tuple[str, viewer_page.Shape,
     return name, cast("viewer_page.Shape", found.field.framed), about
 
 
-def _scene_page(file: Path) -> "viewer_page.Page":
+def _scene_page(file: Path, up: arguments.Up | None) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene as scenes
     from ddf.io import viewer_page
 
     content = scenes.read_content(file)
-    scene = scenes.build(content, file.parent).framed
+    scene, up = scenes.build(content, file).framed, up or content.up
     baked = {}
     for name in {placement.field for placement in content.objects}:
-        folder = shipped_models.place(scenes.field_beside(file.parent, name))
+        folder = scenes.field_beside(file.parent, name)
         baked[name] = viewer_page.bake(viewer_page.field(folder), viewer_page.name_of(folder))
     fields = [viewer_page.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
-    page = viewer_page.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+    page = viewer_page.scene_page(file.stem, fields, scene.lower, scene.upper, up, content.box is not None)
     if page.box is not None:  # the page cuts the box open
         return page
-    return dataclasses.replace(page, first=viewer_page.first(scene, page.azimuth, content.up))
+    return dataclasses.replace(page, first=viewer_page.first(scene, page.azimuth, up))

@@ -352,21 +352,6 @@ def one(field: framed_field.FramedField, azimuth_deg: float, elevation_deg: floa
     return LookAt(starts[0], (field.lower + field.upper) / 2)
 
 
-def orbit(
-    field: framed_field.FramedField,
-    azimuth_deg: float,
-    elevation_deg: float,
-    radius: float | None,
-    frames: int,
-    up: str,
-) -> list[LookAt]:
-    """Once around the box, evenly; without a radius the box stays within every picture."""
-    turns = [azimuth_deg + 360.0 * i / frames for i in range(frames)]
-    if radius is None:
-        radius = max(framed_field.framing_radius(field, turn, elevation_deg, up) for turn in turns)
-    return [one(field, turn, elevation_deg, radius, up) for turn in turns]
-
-
 def fly(waypoints: Sequence[LookAt], frames: int) -> list[LookAt]:
     """Along two waypoints or more, positions and targets linear between two, as many frames between every two."""
     if len(waypoints) < 2:

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from scipy import ndimage
 
-from ddf.fields import framed_field
-from ddf.geometry import cameras, rays
+from ddf.fields import framed_field, scene_field
+from ddf.geometry import cameras, rays, transforms
 from ddf.pictures import field_pictures
 
 Camera = tuple[float, float, float]  # as of `framed_field.camera_rays`
@@ -32,7 +32,8 @@ _DARKEST = 0.42  # of the ground's shadow
 _CLEAR = 0.03  # of the box's diagonal: what is this near to a point does not shade it
 _LIFT, _NEAR = 2e-3, 0.15  # of it: where rays to the sky begin, and how far they look
 _BENT = 0.9  # cosine between normals of neighbours, from which on they differ
-_FLOOR_RAYS, _WINDOW_RAYS, _MARGIN = 48, 64, 0.05  # a side; of the window around what is seen
+_FLOOR_RAYS, _WINDOW_RAYS, _MARGIN = 48, 160, 0.05  # a side, all objects together; around what is seen
+_LEAST_RAYS = 12  # a side, of an object
 _GAMMA = 2.2
 
 
@@ -65,35 +66,58 @@ class Shaded:
 def stand(field: framed_field.FramedField, up: str = "y") -> Standing:
     """The field on a ground at its lowest point, which rays from below find; at its box's where these meet nothing."""
     centre, turn = Standing(field, up, 0.0).axes()
-    to_mesh = field.field_from_mesh.inverse()
-    signs = np.array(np.meshgrid(*3 * [(0.0, 1.0)])).reshape(3, -1).T
-    corners = (to_mesh.apply(field.lower + signs * (field.upper - field.lower)) - centre) @ turn
-    low, high = corners.min(0), corners.max(0)
-    steps = (np.arange(_FLOOR_RAYS) + 0.5) / _FLOOR_RAYS
-    x, z = (each.ravel() for each in np.meshgrid(*(low[i] + steps * (high - low)[i] for i in (0, 2))))
-    starts = np.stack((x, np.full_like(x, 1.001 * low[1]), z), -1) @ turn.T + centre
-    towards = np.broadcast_to(turn[:, 1], starts.shape)
-    depth = framed_field.query(field, rays.OrientedPoints(starts, towards), ("depth",))[0]["depth"]
-    depth = depth[np.isfinite(depth)]
-    return Standing(field, up, 1.001 * low[1] + (float(np.percentile(depth, 1)) if len(depth) else 0.0))
+    boxes, side = _boxes(field, _FLOOR_RAYS)
+    steps = (np.arange(side) + 0.5) / side
+    bottom = min(float(((box - centre) @ turn)[:, 1].min()) for box in boxes)
+    bottom, floors = bottom - 1e-3 * abs(bottom), list[float]()
+    for box in boxes:
+        low, high = (getattr((box - centre) @ turn, each)(0) for each in ("min", "max"))
+        x, z = (each.ravel() for each in np.meshgrid(*(low[i] + steps * (high - low)[i] for i in (0, 2))))
+        starts = np.stack((x, np.full_like(x, bottom), z), -1) @ turn.T + centre
+        towards = np.broadcast_to(turn[:, 1], starts.shape)
+        depth = framed_field.query(field, rays.OrientedPoints(starts, towards), ("depth",))[0]["depth"]
+        if np.isfinite(depth).any():
+            floors.append(float(np.percentile(depth[np.isfinite(depth)], 1)))
+    return Standing(field, up, bottom + min(floors, default=0.0))
 
 
 def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
     """The least part of the picture that holds what any of the cameras sees, with a margin; all where nothing is."""
-    found: list[np.ndarray] = []
+    boxes, side = _boxes(standing.field, _WINDOW_RAYS)
+    steps, found = (np.arange(side) + 0.5) / side, list[np.ndarray]()
     for camera in seen_by:
-        middles = (np.arange(_WINDOW_RAYS) + 0.5) / _WINDOW_RAYS
-        y, x = (each.ravel() for each in np.meshgrid(middles, middles, indexing="ij"))
-        points = rays.OrientedPoints(*_rays(standing, camera, x, y))
-        hits = framed_field.query(standing.field, points, ("visibility",))[0]["visibility"] >= framed_field.SEEN
-        found.append(np.stack((x, y), -1)[hits])
+        start = _rays(standing, camera, np.zeros(1), np.zeros(1))[0][0]
+        for box in boxes:
+            low, high = np.zeros(2), np.ones(2)
+            if ((box - start) @ _camera_axes(standing, camera)[:, 2] < 0).all():  # it is before the camera
+                corners = project(standing, camera, box)
+                low, high = corners.min(0).clip(0, 1), corners.max(0).clip(0, 1)
+            y, x = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))
+            place = low + np.stack((x, y), -1) * (high - low)
+            points = rays.OrientedPoints(*_rays(standing, camera, *place.T))
+            hits = framed_field.query(standing.field, points, ("visibility",))[0]["visibility"] >= framed_field.SEEN
+            cell = (high - low) / side / 2
+            found += [place[hits] - cell, place[hits] + cell]
     seen = np.concatenate(found)
     if not len(seen):
         return WHOLE
     low, high = seen.min(0), seen.max(0)
-    side = float((high - low).max()) * (1 + 3 * _MARGIN) + 2 / _WINDOW_RAYS
+    side = float((high - low).max()) * (1 + 3 * _MARGIN)
     left, top = (low + high - side) / 2
     return float(left) + _MARGIN * side, float(top), side  # the shadow falls to the right
+
+
+def _boxes(field: framed_field.FramedField, rays_a_side: int) -> tuple[list[Float[np.ndarray, "8 3"]], int]:
+    """Corners of the box of each object, frame of the mesh or the scene, and the rays a side that each one takes."""
+    if isinstance(field, scene_field.SceneField):
+        parts = [(each, to) for each, to in zip(field.fields, field.scene_from_mesh, strict=True)]
+    else:
+        parts = [(field, transforms.Similarity())]
+    corners = [
+        to.compose(each.field_from_mesh.inverse()).apply(transforms.box_corners(each.lower, each.upper))
+        for each, to in parts
+    ]
+    return corners, max(_LEAST_RAYS, round(rays_a_side / len(corners) ** 0.5))
 
 
 def render(

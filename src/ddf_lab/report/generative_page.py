@@ -121,7 +121,7 @@ def _images(
     found, rows = scores["images"], []
     for name, label in _IMAGES.items():
         row = found["rows"][name]
-        kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else "not used"
+        kid = f"{_shown(row['kid'])} ± {_shown(row['kid_spread'])}" if found["in_order"] else "not used"
         rows.append([label, kid, PAPER_FID.get(name, "–")])
     header = ["", "measured KID ↓", "paper, ShapeNet FID ↓"]
     shapes = scores["shapes"]["learned"] + scores["shapes"]["held_out"]
@@ -131,7 +131,7 @@ def _images(
         f"standard deviation over {section.subsets} subsets of {section.subset_size}. FID, paper, ShapeNet: [DDF22] "
         "§4.4, of other images and another network."
     )
-    kids = ", ".join(f"{name} {1000 * found['rows'][name]['kid']:.1f}" for name in ("ceiling", *found["spoiled"]))
+    kids = ", ".join(f"{name} {_shown(found['rows'][name]['kid'])}" for name in ("ceiling", *found["spoiled"]))
     order = "are in" if found["in_order"] else "are not in"
     check = (
         f"KID of real images, spoiled: {kids}. They {order} the order that they must have"
@@ -142,6 +142,11 @@ def _images(
         f"GANs have {gan.steps} steps of narrow ones, so image quality says nothing about the method's best."
     )
     return pages.Section("Images", [pages.Table(caption, header, rows), check, limit])
+
+
+def _shown(kid: float) -> str:
+    """KID x 1000 to three digits."""
+    return f"{float(f'{1000 * kid:.3g}'):,.10g}"
 
 
 def _trainings(run: Run) -> pages.Section:

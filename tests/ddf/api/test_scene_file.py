@@ -26,7 +26,8 @@ def test_scene_of_a_file_is_the_scene_composed(tmp_path):
     composed = ddf.compose([rabbit, rabbit], [np.eye(4), matrix], soft=0.3)
     np.testing.assert_allclose(scene.box, composed.box)
     found, expected = (each.render(0, 10, size=16)["depth"] for each in (scene, composed))  # one behind the other
-    np.testing.assert_allclose(found, expected, atol=1e-5)
+    np.testing.assert_allclose(scene.render(0, 10, size=16, up="y")["depth"], expected, atol=1e-5)
+    np.testing.assert_allclose(found, composed.render(0, 10, size=16, up="z")["depth"], atol=1e-5)  # as the file has it
 
 
 def test_a_box_cuts_away_what_lies_before_it(tmp_path):
@@ -38,10 +39,13 @@ def test_a_box_cuts_away_what_lies_before_it(tmp_path):
     assert cut[0] == pytest.approx(whole[0] + 3, abs=2e-3)
 
 
-def test_paths_of_fields_begin_at_the_scene_file(tmp_path):
+def test_paths_of_fields_begin_at_the_scene_file(tmp_path, monkeypatch):
     (tmp_path / "mine.onnx").write_bytes(b"nothing")
     with pytest.raises(checks.InputError, match=rf"{tmp_path}/mine\.onnx: not an ONNX file"):
         ddf.read_scene(_write(tmp_path, {"objects": [{"field": "mine.onnx"}]}))
+    (tmp_path / "elsewhere" / "rabbit").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert ddf.read_scene(_write(tmp_path, {"objects": [{"field": "rabbit"}]})).outputs
 
 
 @pytest.mark.parametrize(
@@ -50,7 +54,10 @@ def test_paths_of_fields_begin_at_the_scene_file(tmp_path):
         ("objects: [", "not valid YAML"),
         ({"objects": []}, "objects must list one field or more"),
         ({"objects": [{"scale": 2.0}]}, r"scene\.objects\[0\]: key 'field' is missing"),
-        ({"objects": [{"field": "rabbit", "scale": 0.0}]}, "scale must be positive; got 0"),
+        ({"objects": [{"field": "rabbit", "scale": 0.0}]}, r"scale must be positive, in .*; got 0"),
+        ({"objects": [{"field": "rabbit", "translation": [1e300, 0, 0]}]}, r"must be within 1e\+100"),
+        ({"objects": [{"field": "hare"}]}, r"scene\.objects: field 'hare': .*hare: no such file"),
+        ({"objects": [{"field": "scene.yaml"}]}, "is no field: give a folder"),
         ({"objects": [{"field": "rabbit", "turn": 1}]}, "unknown key 'turn'"),
         ({"objects": [{"field": "rabbit"}], "soft": -1.0}, "soft must be positive, or null"),
         ({"objects": [{"field": "rabbit"}], "box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}, "lower must be below"),

@@ -79,7 +79,7 @@ LINES = [
     ("udf rabbit --points scan_of_one.npz --out out.npz", "positions must be numbers of shape (N, 3)"),
     ("render field out.png --camera 1,2,-1", "error: --camera: the distance must be 0 or more; got -1"),
     ("render rabbit out.png --output normals_2", "has no normals_2 (patches have one component, networks two:"),
-    ("render field out.png --camera 1,2,nan", "camera must be finite"),
+    ("render field out.png --camera 1,2,nan", "--camera: must be finite, the distance within 1e+100; got '1,2,nan'"),
     ("render field out.png --output depth,normals", "a picture shows one output, .npz and .exr hold 2"),
     ("render field out.png --bits 16 --output normals", "--bits 16 is for the depth in a .png"),
     ("render field out.jpg", "out.jpg: must end in one of .png, .webp, .npz, .exr"),

@@ -54,6 +54,20 @@ def test_the_ground_is_under_the_box_where_rays_from_below_meet_nothing():
     assert (shaded.render(standing, (0.0, 0.0, 1.0), 8).picture == 255).all()
 
 
+def test_a_small_low_object_of_a_scene_stands_on_the_ground_and_is_in_the_window():
+    field = ClosedForm(primitives.Sphere((0.0, 0.0, 0.0), RADIUS), -np.ones(3), np.ones(3))
+    places = [
+        transforms.Similarity(scale, np.eye(3), np.array(at)) for scale, at in ((1.0, (0.0, 9, 0)), (0.1, (30.0, 0, 0)))
+    ]
+    scene = scene_field.SceneField((field, field), tuple(places), np.array([-1, -0.1, -1]), np.array([30.1, 10, 1]))
+    standing = shaded.stand(scene)
+    assert standing.axes()[0][1] + standing.floor == pytest.approx(-0.1 * RADIUS, abs=0.02)
+    camera = (70.0, 25.0, framed_field.framing_radius(scene, 70.0, 25.0))
+    left, top, side = shaded.window(standing, [camera])
+    corners = shaded.project(standing, camera, np.concatenate([place.apply(field.lower[None] * 0) for place in places]))
+    assert (corners > (left, top)).all() and (corners < np.add((left, top), side)).all() and side < 1
+
+
 def test_what_sees_the_ball_is_its_disc(drawn):
     camera, found = drawn
     distance = camera[2] * np.sqrt(12) / transforms.BENCHMARK_FROM_V1 / RADIUS  # of the camera, in radii

@@ -48,6 +48,6 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order, told_a
     storage.write_text(run.folder("train_vae") / training_loop.LOG, log)
     generative_page.write(run, _generative.GAN, _generative.SCORES)
     text = (run.page / "README.md").read_text()
-    assert ("50.0 ± 1.0" in text) == in_order and "1.20 times that of latents optimised" in text
+    assert ("| 50 ± 1 |" in text) == in_order and "1.20 times that of latents optimised" in text
     assert f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |" in text
     assert f"This model {'works' if in_order else 'fails'}: its samples are told apart" in text
