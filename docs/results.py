@@ -277,6 +277,22 @@ NUMBER = re.compile(r"\**[-–]?[\d.,]*\d( ?(%|ms|s|°))?\**([;,±] ?.*| ± .*)?
 CLAIMS = [("README.md", "On real shapes:", "real:real"), ("README.md", "On procedural shapes:", "cpu")]
 
 
+TIMES = [  # page, how its line of times begins, report
+    ("README.md", "- Time, procedural shapes: ", "cpu"),
+    ("docs/results.md", "- Time, procedural shapes: ", "cpu"),
+    ("docs/results.md", "- Time, real shapes: ", "real"),
+]
+
+
+def times(report: str) -> str:
+    """What trainings and a test image took, as the report has it."""
+    page = (ROOT / "reports" / report / "README.md").read_text()
+    trained = re.search(r"(?m)^Wall time of the trainings, summed over categories: (.*)\.$", page)
+    image = dict(re.findall(r"(?m)^\| Π<sub>g</sub>, Π̂ \| (\S+) \| ([\d.]+) \|$", page))
+    assert trained and list(image) == list(MODELS)
+    return f"trainings {trained[1]}; a test image {', '.join(f'{name} {seconds} s' for name, seconds in image.items())}."
+
+
 def parts(text: str, above: str) -> tuple[str, str, str]:
     """A page before, in and after the rows of the first table below a line."""
     found = re.search(rf"(?ms)^{re.escape(above)}$.*?^\|[ :|-]+\|\n", text)
@@ -302,3 +318,6 @@ if __name__ == "__main__":
     for page, above, report in CLAIMS:
         before, table, after = parts((ROOT / page).read_text(), above)
         (ROOT / page).write_text(before + table + re.sub(r"\A\n- .*", f"\n- {best(Measured(report))}", after))
+    for page, begins, report in TIMES:
+        text = (ROOT / page).read_text()
+        (ROOT / page).write_text(re.sub(rf"(?m)^{begins}.*$", begins + times(report), text))

@@ -42,6 +42,11 @@ def test_what_is_claimed_below_a_table_is_what_the_report_claims(page, above, re
     assert after.startswith(f"\n- {results.best(results.Measured(report))}\n")
 
 
+@pytest.mark.parametrize(("page", "begins", "report"), results.TIMES)
+def test_times_are_those_of_the_report(page, begins, report):
+    assert f"\n{begins}{results.times(report)}\n" in (results.ROOT / page).read_text()
+
+
 @pytest.mark.parametrize(("above", "count"), [("On real shapes:", 10), ("On procedural shapes:", 10)])
 def test_readme_has_all_rows(above, count):
     assert len(results.cells(results.parts((results.ROOT / "README.md").read_text(), above)[1])) == count

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import re
 import runpy
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -45,15 +44,6 @@ def test_render_it(tmp_path):
     assert picture.shape == (32, 32)
     assert 0.15 < (picture < 255).mean() < 0.9 and picture[0, 0] == 255
     assert len(np.unique(picture)) > 30
-
-
-def test_compose_two(tmp_path):
-    said = _run(tmp_path, "compose_two.py", "scene.png", "--size", "32")
-    near, far = map(float, re.findall(r"\d+\.\d+", said))
-    assert 0 < near < far - 1  # two shapes, side by side, seen from the corner
-    picture = np.asarray(Image.open(tmp_path / "scene.png"))
-    assert picture.shape == (32, 32) and picture.max() == 255
-    assert 0.1 < (picture > 0).mean() < 0.9
 
 
 @pytest.fixture
@@ -105,31 +95,6 @@ def test_onnx_without_torch(tmp_path):
     depths = [float(depth) for depth in re.findall(r"depth +([\w.]+)", said)]
     assert len(depths) == 7 and 3 <= np.isfinite(depths).sum()
     assert min(depths) >= 0.99  # the rays start one unit before the box
-
-
-def test_rays_in_cpp(tmp_path):
-    import onnxruntime
-
-    compiler, library = shutil.which("g++"), tmp_path / "libonnxruntime.so.1"
-    built = next(Path(onnxruntime.__file__).parent.glob("capi/libonnxruntime.so.*"), None)
-    asked = [compiler, "-E", "-x", "c++", "-include", "onnxruntime_c_api.h", "/dev/null"]
-    if compiler is None or built is None or subprocess.run(asked, capture_output=True).returncode:
-        pytest.skip("needs g++, and onnxruntime's headers in CPLUS_INCLUDE_PATH")
-    library.symlink_to(built)
-    options = ["-std=c++17", "-Wall", "-Werror", "-o", "rays", f"-L{tmp_path}", f"-Wl,-rpath,{tmp_path}"]
-    made = [compiler, str(FOLDER / "rays_in_cpp.cpp"), *options, "-l:libonnxruntime.so.1"]
-    subprocess.run(made, cwd=tmp_path, check=True)
-    rabbit = ddf.load("rabbit-network").export(tmp_path / "rabbit.onnx")
-    rays = np.array([[0, 0, 0.8, 0, 0, -1], [0.1, 0.5, 0.8, 0, 0, -1], [-0.5, -0.9, 0.8, 0, 0.6, -0.8]], np.float32)
-    command = [tmp_path / "rays", rabbit, *map(str, rays.ravel())]
-    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    found = np.array(re.findall(r"visibility (\S+) depth (\S+)", said), dtype=np.float64)
-    session, given = onnxruntime.InferenceSession(rabbit), {"positions": rays[:, :3], "directions": rays[:, 3:]}
-    expected = np.array(session.run(["visibility", "depth"], given)).T
-    np.testing.assert_allclose(found, expected, atol=1e-4)
-    assert np.ptp(found[:, 1]) > 0.2
-    none = subprocess.run([tmp_path / "rays", "none.onnx", *"000001"], capture_output=True, text=True, cwd=tmp_path)
-    assert none.returncode == 1 and "none.onnx" in none.stderr
 
 
 @pytest.mark.usefixtures("quick_completion")

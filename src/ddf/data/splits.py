@@ -2,7 +2,7 @@
 
 Per class: all ids, without the broken car, sorted naturally; each id gives views 00 to 04; of these lines the first
 80 % train and the rest test. So one shape per class can have views on both sides ("straddling"); strict splits train on
-all of them. On the listing of the 3D-R2N2 renders the lines equal the published lists byte for byte (docs/formats.md).
+all of them. On the listing of the 3D-R2N2 renders the lines equal the published lists byte for byte.
 """
 
 import hashlib

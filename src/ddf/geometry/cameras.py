@@ -2,8 +2,7 @@
 
 Letters: θ azimuth and φ elevation in radians, r radius in benchmark units (R2N2's "ratio"), u to the right and v
 down in pixels of a 137 x 137 image (pixel-edge convention: the first pixel's centre is at 0.5). The camera looks at
-the origin along -Z of its own frame. Facts checked against the renders: docs/formats.md. Numpy arrays and torch tensors
-alike; for tensors everything is differentiable.
+the origin along -Z of its own frame. Numpy arrays and torch tensors alike; for tensors everything is differentiable.
 """
 
 import math

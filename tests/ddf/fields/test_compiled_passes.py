@@ -71,7 +71,7 @@ print(*map(float, apart))
 def test_compiled_loss_and_gradients_are_those_of_plain_passes(device):
     """In a process of its own: the compiler cannot read what checks the shapes of arguments in tests."""
     here = Path(__file__).resolve()
-    paths = [str(here.parents[3]), str(here.parent), os.environ.get("PYTHONPATH", "")]
+    paths = [str(here.parents[2]), str(here.parent), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
     command = [sys.executable, "-c", COMPILED, device]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
