@@ -290,7 +290,8 @@ def times(report: str) -> str:
     trained = re.search(r"(?m)^Wall time of the trainings, summed over categories: (.*)\.$", page)
     image = dict(re.findall(r"(?m)^\| Π<sub>g</sub>, Π̂ \| (\S+) \| ([\d.]+) \|$", page))
     assert trained and list(image) == list(MODELS)
-    return f"trainings {trained[1]}; a test image {', '.join(f'{name} {seconds} s' for name, seconds in image.items())}."
+    images = ", ".join(f"{name} {seconds} s" for name, seconds in image.items())
+    return f"trainings {trained[1]}; a test image {images}."
 
 
 def parts(text: str, above: str) -> tuple[str, str, str]:
