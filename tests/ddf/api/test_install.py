@@ -145,10 +145,15 @@ def run(commands: Path, folder: Path, line: str) -> subprocess.CompletedProcess[
     return subprocess.run(line, shell=True, cwd=folder, env=own, capture_output=True, text=True, timeout=600)
 
 
-@pytest.mark.slow
+WALKS = [(extra, version) for extra in ("", "torch", "experiments") for version in PYTHONS]  # the first one always
+
+
 @pytest.mark.timeout(3000)
-@pytest.mark.parametrize("version", PYTHONS)
-@pytest.mark.parametrize("extra", ["", "torch", "experiments"], ids=["base", "torch", "experiments"])
+@pytest.mark.parametrize(
+    ("extra", "version"),
+    [pytest.param(*walk, marks=[pytest.mark.slow] * (i > 0)) for i, walk in enumerate(WALKS)],
+    ids=[f"{extra or 'base'}-{version}" for extra, version in WALKS],
+)
 def test_the_commands_of_the_pages_run_in_the_extra_that_they_name(extra, version, wheel, tmp_path):
     commands = environment(tmp_path, version, wheel, extra)
     _page_inputs.write(tmp_path)
