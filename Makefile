@@ -63,7 +63,7 @@ test-unit: $(READY) ## the unit tests, each file by one process
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
 test-doors: $(READY) ## what pages say to type, in fresh environments of three Pythons, with CPU seconds: [EXTRAS="torch experiments"]
-	@$(RUN) -m pytest -q -s -m slow tests/ddf/api/test_install.py -k "base $(EXTRAS:%=or %)"
+	@$(RUN) -m pytest -q -s -m "" tests/ddf/api/test_install.py -k "base $(EXTRAS:%=or %)"
 test-browser: $(READY) ## the page of `ddf view` in Chromium and Firefox (installed by apt-get as root; skipped where there is none)
 	@.ci/browsers >/dev/null && $(RUN) -m pytest -q -m browser tests/ddf/io
 test-jax: $(READY) ## the tests of `ddf.jax`, with JAX of requirements-jax.lock beside the environment
