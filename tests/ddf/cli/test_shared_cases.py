@@ -52,4 +52,4 @@ def test_a_mask_of_0_and_1_and_a_field_of_any_file_name_are_read(cases, tmp_path
     assert 0.05 < (cutouts.read(round4 / "i_w2.png", mask=round4 / "mk01.png")[..., 3] > 0).mean() < 0.95
     words = ("--rays", round4 / "r.npz", "--out", tmp_path / "a.npz")
     assert answer("query", round4 / "renamed.safetensors", *words)["rays"] == 2
-    assert "model.pt is damaged or not one of our files" in refusal("query", round4 / "model.pt", *words)
+    assert "model.pt: is no field: give a folder" in refusal("query", round4 / "model.pt", *words)
