@@ -135,7 +135,8 @@ def found_in_configs(name: str) -> bool:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 @pytest.mark.timeout(3600)  # of many commands, on a busy machine
 def test_commands_run(page, tmp_path):
-    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    for name in ("configs", "pipeline.yaml", "stages"):
+        (tmp_path / name).symlink_to(ROOT / name)
     _page_inputs.write(tmp_path)
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     for line in lines(page):
