@@ -86,6 +86,31 @@ def test_the_commands_of_the_pages_need_no_package_of_another_extra(extra, tmp_p
     without(extra, program, *lines, cwd=tmp_path)
 
 
+LIBRARY = """
+import numpy as np, ddf
+rabbit, beside = ddf.load("rabbit"), np.eye(4)
+pictures = rabbit.render(35, 25, size=256, outputs=("depth", "normals"))
+assert pictures["normals"].shape == (256, 256, 3) and 0.1 < np.isfinite(pictures["depth"]).mean() < 0.9
+beside[0, 3] = 1.5
+scene = ddf.compose([rabbit, ddf.load("armchair")], [np.eye(4), beside])
+assert np.isfinite(scene.render(35, 25, size=256)["depth"]).any()
+assert rabbit.query([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])["visibility"][0] > 0.5
+assert ddf.compare(np.zeros((1, 3)), [[0.0, 0.0, 0.005]]).f_score_tau == 1.0
+open("triangle.obj", "w").write("v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n")
+mesh = ddf.read_mesh("triangle.obj")
+assert mesh.faces.tolist() == [[0, 1, 2]]
+fitted = ddf.fit(mesh, out="field")
+assert fitted.points(50).shape == (50, 3) and len(fitted.surface(resolution=16).faces) > 10
+assert fitted.query([[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]])["depth"].round(3) == [1.0]
+assert ddf.cast(mesh, [[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]).depth == [1.0]
+assert ddf.load("field").export("field.html").is_file()
+"""
+
+
+def test_the_library_needs_no_package_of_an_extra(tmp_path):
+    without("", LIBRARY, cwd=tmp_path)
+
+
 @pytest.mark.parametrize(
     ("call", "extra"),
     [
