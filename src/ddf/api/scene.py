@@ -18,8 +18,6 @@ from ddf.geometry import transforms as frames
 
 Box = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
 Triple = tuple[float, float, float]
-SUFFIXES = (".yaml", ".yml")
-_SMALLEST = 1e-300  # temperature: its inverse is finite
 
 
 class Scene(queries.Queried):
@@ -158,8 +156,13 @@ class SceneFile:
     def __post_init__(self) -> None:
         if not self.objects:
             raise checks.InputError("objects must list one field or more; got none")
-        if self.soft is not None and not _SMALLEST <= self.soft < float("inf"):
+        if self.soft is not None and not self.soft > 0:
             raise checks.InputError(f"soft must be positive, or null; got {self.soft}")
+        self.blend()
+
+    def blend(self) -> scene_field.Blend | None:
+        """The soft composition, if there is one."""
+        return None if self.soft is None else scene_field.Blend(self.soft)
 
 
 def _require_near(*numbers: float) -> None:
@@ -181,9 +184,8 @@ def build(content: SceneFile, path: Path) -> Scene:
         except (checks.InputError, FileNotFoundError) as error:
             raise checks.InputError(f"{path}: scene.objects: field {name!r}: {error}") from error
     box = None if content.box is None else (np.array(content.box.lower), np.array(content.box.upper))
-    blend = None if content.soft is None else scene_field.Blend(content.soft)
     places = [placement.similarity() for placement in content.objects]
-    return Scene([loaded[placement.field] for placement in content.objects], places, box, blend, content.up)
+    return Scene([loaded[placement.field] for placement in content.objects], places, box, content.blend(), content.up)
 
 
 def read_scene(path: str | Path) -> Scene:

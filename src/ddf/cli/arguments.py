@@ -11,7 +11,6 @@ from ddf.cli.declare import Arg, Command
 from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
-_SCENES = (".yaml", ".yml")
 _FAR = 1e100  # diagonals from which a camera looks, at most
 SHADED = "shaded"  # no output of a field, but a picture
 Camera = tuple[float, float, float | None]
@@ -27,7 +26,7 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
     """
     for each in command.parameters:
         for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
-            if Path(given).suffix.lower() in _SCENES and "scene" not in each.arg.reads:
+            if is_scene(given) and "scene" not in each.arg.reads:
                 raise errors.InputError(f"{given}: scene files are for ddf render, ddf view and ddf.read_scene alone")
             shipped_models.require(given, *each.arg.reads)
     out, is_folder = written(command, args)
@@ -65,6 +64,11 @@ def _require_writable(out: Path, folder: Path) -> None:
     except OSError as error:
         reason = errors.describe(OSError(error.errno, error.strerror))
         raise errors.InputError(f"{out}: no file can be written in {folder} ({reason}); give another place") from error
+
+
+def is_scene(path: Path) -> bool:
+    """Whether a path is named as scene files are."""
+    return path.suffix.lower() in (".yaml", ".yml")
 
 
 def kept(command: Command, args: argparse.Namespace) -> str:

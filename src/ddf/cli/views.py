@@ -135,7 +135,7 @@ def _opened(path: Path, up: arguments.Up | None) -> _Opened:
     from ddf.api import scene as scenes
     from ddf.fields import scene_field
 
-    if path.suffix.lower() not in scenes.SUFFIXES:
+    if not arguments.is_scene(path):
         shape = scene_field.Counted(fields.load(path).framed)
         return _Opened(shape, [shape], 1, up or _up_of(path))
     content = scenes.read_content(path)
@@ -354,11 +354,10 @@ def page_of(what: Sequence[Path], up: arguments.Up | None = None) -> "viewer_pag
     where what must stand alone does not.
     """
     from ddf.api import field as fields
-    from ddf.api import scene as scenes
     from ddf.fields import field_file
     from ddf.io import viewer_page
 
-    files = [path for path in what if path.suffix.lower() in scenes.SUFFIXES]
+    files = [path for path in what if arguments.is_scene(path)]
     if files and len(what) == 1:
         return _scene_page(files[0], up)
     if files:
