@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from ddf.core import errors
 
 DISTRIBUTION = "directed-distance-fields"  # as package indexes name it
-_TORCH = ("onnx", "open3d", "torch", "trimesh")
+_TORCH = ("joblib", "onnx", "open3d", "torch", "trimesh")
 _EXPERIMENTS = (
-    *("argcomplete", "dask", "distributed", "fast_simplification", "joblib", "matplotlib", "OpenEXR", "pandas"),
+    *("argcomplete", "dask", "distributed", "fast_simplification", "matplotlib", "OpenEXR", "pandas"),
     *("psutil", "pymeshlab", "rtree", "torch_fidelity", "torchvision"),
 )
 COSTS = {"torch": "networks, 6 GB", "experiments": "closing of meshes, training, 7 GB"}
-EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras
+EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments") | {"laspy": "las"}  # of modules
 
 
 def command(extra: str) -> str:

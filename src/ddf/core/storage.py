@@ -338,4 +338,4 @@ def _existing(path: str | Path) -> Path:
 
 def _damaged(path: str | Path, reason: object) -> checks.InputError:
     text = " ".join(str(reason).split()) or type(reason).__name__
-    return checks.InputError(f"{path} is damaged or not one of our files ({text}); remove it and run its stage again")
+    return checks.InputError(f"{path} is damaged or not one of our files ({text}); fetch it again or make it anew")

@@ -63,8 +63,8 @@ class DatasetConfig(schema.Checked):
         return {"both": ("synthetic", "public"), "shapenet": ()}.get(self.source, (self.source,))
 
     def rows(self) -> list[manifest.Row]:
-        """The public and own shapes of the categories."""
-        public = manifest.of(self.categories) if "public" in self.made else []
+        """The public shapes of the categories, without relatives of test shapes, and own ones."""
+        public = manifest.unrelated(manifest.of(self.categories)) if "public" in self.made else []
         return public + (manifest.own(self.own, self.categories) if self.own else [])
 
     def __post_init__(self) -> None:

@@ -58,7 +58,8 @@ class Workspace:
     """
 
     def __init__(self, like: Tensor) -> None:
-        self.like, self.buffers, self.taken = like, list[Tensor](), 0
+        self.like, self.taken = like, 0
+        self.buffers: list[Tensor] = []
 
     def restart(self) -> None:
         """A new block: whatever was taken before is given up."""

@@ -67,12 +67,12 @@ def stand(field: framed_field.FramedField, up: str = "y") -> Standing:
     """The field on a ground at its lowest point, which rays from below find; at its box's where these meet nothing."""
     centre, turn = Standing(field, up, 0.0).axes()
     boxes, side = _boxes(field, _FLOOR_RAYS)
-    steps = (np.arange(side) + 0.5) / side
+    across = _grid(side)
     bottom = min(float(((box - centre) @ turn)[:, 1].min()) for box in boxes)
     bottom, floors = bottom - 1e-3 * abs(bottom), list[float]()
     for box in boxes:
-        low, high = (getattr((box - centre) @ turn, each)(0) for each in ("min", "max"))
-        x, z = (each.ravel() for each in np.meshgrid(*(low[i] + steps * (high - low)[i] for i in (0, 2))))
+        corners = (box - centre) @ turn
+        x, z = (corners.min(0)[[0, 2]] + across * np.ptp(corners, axis=0)[[0, 2]]).T
         starts = np.stack((x, np.full_like(x, bottom), z), -1) @ turn.T + centre
         towards = np.broadcast_to(turn[:, 1], starts.shape)
         depth = framed_field.query(field, rays.OrientedPoints(starts, towards), ("depth",))[0]["depth"]
@@ -84,7 +84,7 @@ def stand(field: framed_field.FramedField, up: str = "y") -> Standing:
 def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
     """The least part of the picture that holds what any of the cameras sees, with a margin; all where nothing is."""
     boxes, side = _boxes(standing.field, _WINDOW_RAYS)
-    steps, found = (np.arange(side) + 0.5) / side, list[np.ndarray]()
+    grid, found = _grid(side), list[np.ndarray]()
     for camera in seen_by:
         start = _rays(standing, camera, np.zeros(1), np.zeros(1))[0][0]
         for box in boxes:
@@ -92,8 +92,7 @@ def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
             if ((box - start) @ _camera_axes(standing, camera)[:, 2] < 0).all():  # it is before the camera
                 corners = project(standing, camera, box)
                 low, high = corners.min(0).clip(0, 1), corners.max(0).clip(0, 1)
-            y, x = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))
-            place = low + np.stack((x, y), -1) * (high - low)
+            place = low + grid * (high - low)
             points = rays.OrientedPoints(*_rays(standing, camera, *place.T))
             hits = framed_field.query(standing.field, points, ("visibility",))[0]["visibility"] >= framed_field.SEEN
             cell = (high - low) / side / 2
@@ -105,6 +104,12 @@ def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
     side = float((high - low).max()) * (1 + 3 * _MARGIN)
     left, top = (low + high - side) / 2
     return float(left) + _MARGIN * side, float(top), side  # the shadow falls to the right
+
+
+def _grid(side: int) -> Float[np.ndarray, "n 2"]:
+    """The middles of side x side equal cells of the unit square: x from the left, y; row by row."""
+    steps = (np.arange(side) + 0.5) / side
+    return np.stack([each.ravel() for each in np.meshgrid(steps, steps)], -1)
 
 
 def _boxes(field: framed_field.FramedField, rays_a_side: int) -> tuple[list[Float[np.ndarray, "8 3"]], int]:
@@ -129,8 +134,7 @@ def render(
     first = _Light(standing, camera, shown, size, colours, sky)
     linear, seen, normals, lit = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
     differ = _differ(*(each.reshape(size, size, -1) for each in (normals, lit, seen)))
-    part = (np.arange(_SIDE) + 0.5) / _SIDE
-    down, right = (each.ravel() for each in np.meshgrid(part, part, indexing="ij"))
+    right, down = _grid(_SIDE).T
     x, y = column[differ][:, None] + right, row[differ][:, None] + down
     parts = np.broadcast_to(np.arange(_SIDE**2), x.shape)
     finer, finer_seen, _, _ = first.at(x.ravel(), y.ravel(), parts.ravel())

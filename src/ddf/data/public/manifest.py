@@ -1,7 +1,8 @@
 """The manifest of public shapes: one row a shape, in `manifest.csv`, looked at one by one; and those of own shapes.
 
 Splits are frozen: test shapes are chosen once and used for no choice. Another shape is of validation where the first
-eight hexadecimal digits of its id's SHA-256 are under 15 % of their range, else of training.
+eight hexadecimal digits of its id's SHA-256 are under 15 % of their range, else of training. Of the family of a test
+shape, which is its maker or its type of aircraft, an experiment uses test shapes alone.
 """
 
 import csv
@@ -27,7 +28,7 @@ class Row:
     path: inside its package. looks: a folder of the package with its pictures, ending in /, where they are not beside
     the mesh. axes: of the file, that become X (ahead), Y (up) and Z. wheels: of axles that the file lacks, as (x, y, z,
     radius, width) in its unit and those axes. licence: as SPDX names it. checksum, source: SHA-256
-    of an own shape's mesh, and where that is from.
+    of an own shape's mesh, and where that is from. family: of a chosen test shape and those related to it, else empty.
     """
 
     id: str
@@ -42,6 +43,7 @@ class Row:
     creator: str
     checksum: str = ""
     source: str = ""
+    family: str = ""
 
     @property
     def free(self) -> bool:
@@ -93,6 +95,12 @@ def own(folder: Path, categories: Collection[str]) -> list[Row]:
 def of(categories: Collection[str]) -> list[Row]:
     """The shapes of some categories."""
     return [row for row in rows() if row.category in categories]
+
+
+def unrelated(found: Collection[Row]) -> list[Row]:
+    """Test shapes, and of the others those of other families."""
+    tested = {(row.category, row.family) for row in found if row.family and row.split == "test"}
+    return [row for row in found if row.split == "test" or (row.category, row.family) not in tested]
 
 
 def wanted(package: str) -> set[str]:

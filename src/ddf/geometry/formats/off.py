@@ -10,12 +10,16 @@ from ddf.geometry.formats import ply, raw, text
 
 _HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(.*)", re.IGNORECASE | re.DOTALL)
 _HEADER_LINES = 100_000  # blank ones among them
+_MAX_COMMENTS = 1_000_000
 _COMMENT = re.compile(rb"#[^\r\n]*")
 
 
 def parse(data: bytes) -> raw.Raw:
     """Vertices and triangles of an OFF file; colours, normals and texture coordinates are not read."""
-    blocks = text.Blocks(_COMMENT.sub(b"", text.decoded(data)))
+    data = text.decoded(data)
+    if data.count(b"#") > _MAX_COMMENTS:
+        raise checks.InputError(f"more than {_MAX_COMMENTS} comments; save it without")
+    blocks = text.Blocks(_COMMENT.sub(b"", data))
     num_vertices, num_faces = _counts(blocks, len(data))
     axes = [ply.Property(axis, "f8") for axis in "xyz"]
     corners = ply.Property("vertex_indices", "i8", "i8")

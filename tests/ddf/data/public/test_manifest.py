@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from ddf.data import shapenet
+from ddf.data import dataset, shapenet
 from ddf.data.public import manifest, packages, shapes
 
 CHOSEN = {"chair": 16, "plane": 24, "car": 9}  # categories whose test shapes were chosen, with their number
@@ -36,6 +36,19 @@ def test_splits_follow_the_hash_of_the_id_but_for_the_chosen_test_shapes():
         if row.category not in CHOSEN and share >= 0.8:
             by_hash = "test"
         assert row.split == by_hash or (row.split == "test" and row.category in CHOSEN), row.id
+
+
+def test_no_maker_and_no_type_of_aircraft_is_on_both_sides_of_an_experiment():
+    rows = manifest.rows()
+    used = dataset.DatasetConfig(source="public", categories=dict.fromkeys(CHOSEN)).rows()
+    tested = [row for row in rows if row.category in CHOSEN and row.split == "test"]
+    assert [row for row in used if row.split == "test"] == tested
+    others = [row for row in used if row.split != "test"]
+    assert not {row.family for row in others if row.family} & {row.family for row in tested}
+    makers = {(row.category, row.creator) for row in others if not row.creator.endswith(" authors")}
+    assert not makers & {(row.category, row.creator) for row in tested}
+    left_out = {row.id for row in rows if row.category in CHOSEN} - {row.id for row in used}
+    assert len(left_out) == 31 and {"735__735", "c182rg__c182rg", "SF3__SF3"} <= left_out
 
 
 @pytest.mark.real
