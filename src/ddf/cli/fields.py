@@ -35,7 +35,7 @@ def fit(
     """Fit a field to a mesh, with held-out errors and a picture beside the mesh, or to what a sensor saw.
 
     Sensors: posed depth images in a folder as TUM RGB-D, nerfstudio (`transforms.json`) and Redwood (`depth/`, a .log)
-    write it; scans as of `ddf complete`, one or a folder; clouds: KITTI .bin, PCD, PLY with normals.
+    write it; scans as of `ddf complete`, one or a folder; clouds: KITTI .bin, PCD, PLY and LAS with normals.
 
     | `--kind` | the field | needs |
     | --- | --- | --- |

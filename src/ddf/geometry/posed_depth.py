@@ -11,11 +11,13 @@ TUM and Redwood write no intrinsics: those of a JSON file with Open3D's `intrins
 TUM's own by the folder's name, else PrimeSense's. Their pixels have their centres at whole numbers, ours at halves.
 
 A file is a scan of `scans.read`, or a cloud: KITTI .bin (x, y, z and intensity as float32, the sensor at 0), PCD (from
-its VIEWPOINT) or PLY. A cloud with normals needs no sensor: it is seen from just above each point.
+its VIEWPOINT), PLY, or LAS with the dimensions NormalX, NormalY, NormalZ. A cloud with normals needs no sensor: it is
+seen from just above each point.
 """
 
 import math
 import re
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +28,7 @@ from jaxtyping import Float, Num
 from ddf.core import checks, storage
 from ddf.geometry import mesh_io, scans, transforms
 
-CLOUDS = (".bin", ".pcd", ".ply")
+CLOUDS = (".bin", ".las", ".laz", ".pcd", ".ply")
 _MOST = 4_000_000  # rays of a folder: of more, some whole rows and columns
 _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 _TUM_STEP, _MILLIMETRES = 1 / 5000, 0.001
@@ -44,6 +46,7 @@ _COUNT = re.compile(r"(?<![\d.])\d[\d,]*(?= ranges| are )")  # in a remark
 _PAIRS, _HITS, _SLACK = 6, 200, 0.03  # of frames, of each, and of the way: compared; right within
 _SEVERAL, _LITTLE = 5, 0.15  # frames; share that right ones agree on: .28 and more, wrong ones .1 and less
 _ABOVE = 0.01  # of the longest side: from where a point with a normal is looked at
+_LAS_HEAD, _LAS_NORMALS = 375, ("NormalX", "NormalY", "NormalZ")
 _TURNED = 1e-3  # by how much a pose may differ from one of a rigid camera, which files round
 
 
@@ -86,7 +89,7 @@ def is_rays(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix == ".ply":
         return not mesh_io.has_faces(path)
-    return path.is_dir() or suffix in (".npz", ".png", ".las", ".laz", *CLOUDS)
+    return path.is_dir() or suffix in (".npz", ".png", *CLOUDS)
 
 
 def read(path: Path) -> Sensed:
@@ -94,8 +97,6 @@ def read(path: Path) -> Sensed:
     suffix = path.suffix.lower()
     if path.is_dir():
         return _folder(path)
-    if suffix in (".las", ".laz"):
-        raise checks.InputError(f"{path}: LAS is not read; make an NPZ of points and sensors, or a PLY with normals")
     if suffix not in CLOUDS:
         return Sensed(scans.read(path), "a scan", 1)
     points, normals, sensor = _CLOUDS[suffix](path)
@@ -326,8 +327,36 @@ def _pcd(path: Path) -> _Cloud:
     return np.asarray(cloud.points), np.asarray(cloud.normals) if cloud.has_normals() else None, sensor
 
 
+def _las(path: Path) -> _Cloud:
+    """By laspy; what a damaged header claims of the blocks behind it, which laspy reads one by one, is judged first."""
+    from ddf.core import extras
+
+    with extras.named():
+        import laspy
+    with path.open("rb") as file:
+        head = file.read(_LAS_HEAD).ljust(_LAS_HEAD, b"\0")
+    claimed = 54 * struct.unpack_from("<I", head, 100)[0] + 60 * struct.unpack_from("<I", head, 243)[0] * (head[25] > 3)
+    try:
+        if claimed > path.stat().st_size:
+            raise ValueError("its header claims more than it holds")
+        with laspy.open(path) as file:
+            if file.header.are_points_compressed:
+                raise ValueError("LAZ is not read; write it as LAS")
+            found, count = file.read(), file.header.point_count
+        points, names = np.array(found.xyz), list(found.point_format.extra_dimension_names)
+        if len(points) != count:
+            raise ValueError(f"{len(points)} of its {count} points are there")
+        if not set(_LAS_NORMALS) <= set(names):
+            raise ValueError(f"it needs {', '.join(_LAS_NORMALS)}, as PDAL's filters.normal writes them")
+        return points, np.stack([found[name] for name in _LAS_NORMALS], -1).astype(np.float64), np.zeros(3)
+    except (laspy.LaspyException, ValueError, OverflowError, MemoryError) as error:
+        raise checks.InputError(f"{path}: is not read as LAS: {error or 'too large'}") from error
+
+
 _CLOUDS: dict[str, Callable[[Path], _Cloud]] = {
     ".bin": _bin,
+    ".las": _las,
+    ".laz": _las,
     ".pcd": _pcd,
     ".ply": lambda path: (*mesh_io.read_oriented(path), np.zeros(3)),
 }

@@ -1,8 +1,10 @@
 """Folders of posed depth images and clouds, each written here as its own makers lay it out."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 from _sphere_scan import sphere_scan
@@ -175,6 +177,47 @@ def test_ply_with_normals_needs_no_sensor(tmp_path: Path) -> None:
     assert posed_depth.is_rays(tmp_path / "cloud.ply")
 
 
+EAST = np.array([5e5, 0.0, 0.0])
+
+
+def las(path: Path, names: Sequence[str]) -> None:
+    """POINTS far from 0, as of a map, and extra dimensions that are all 2."""
+    header = laspy.LasHeader(point_format=3, version="1.4")
+    header.offsets, header.scales = EAST, np.full(3, 1e-3)
+    header.add_extra_dims([laspy.ExtraBytesParams(name, "f4") for name in names])
+    cloud = laspy.LasData(header)
+    cloud.xyz = POINTS + EAST
+    for name in names:
+        cloud[name] = np.full(4, 2.0)
+    cloud.write(str(path))
+
+
+def test_las(tmp_path: Path) -> None:
+    las(tmp_path / "a.las", ["NormalX", "NormalY", "NormalZ"])
+    found = posed_depth.read(tmp_path / "a.las")
+    assert not found.sensed and np.allclose(found.scan.points, POINTS + EAST, rtol=0, atol=1e-9)
+    assert np.allclose(found.scan.directions, -(3**-0.5))
+    las(tmp_path / "b.las", ["NormalX"])
+    with pytest.raises(checks.InputError, match=r"b\.las: .* it needs NormalX, NormalY, NormalZ"):
+        posed_depth.read(tmp_path / "b.las")
+    (tmp_path / "c.las").write_bytes((tmp_path / "a.las").read_bytes()[:-50])
+    with pytest.raises(checks.InputError, match=r"c\.las: "):
+        posed_depth.read(tmp_path / "c.las")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_damaged_las_is_read_or_refused(tmp_path: Path, seed: int) -> None:
+    las(tmp_path / "a.las", ["NormalX", "NormalY", "NormalZ"])
+    data, rng = bytearray((tmp_path / "a.las").read_bytes()), np.random.default_rng(seed)
+    for place in rng.integers(0, 400 if seed % 2 else len(data), 3):
+        data[place] = rng.integers(256)
+    (tmp_path / "a.las").write_bytes(data)
+    try:
+        posed_depth.read(tmp_path / "a.las")
+    except checks.InputError as refused:
+        assert "a.las" in str(refused)
+
+
 def _frame(path: object = "d.png", **other: object) -> bytes:
     """A transforms.json of one frame."""
     camera = {"fl_x": 9, "fl_y": 9, "cx": 4, "cy": 3, "w": 8, "h": 6, "transform_matrix": np.eye(4).tolist()}
@@ -184,7 +227,8 @@ def _frame(path: object = "d.png", **other: object) -> bytes:
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("a.las", b"LASF", "LAS is not read; make an NPZ"),
+        ("a.las", b"LASF", "is not read as LAS: File is to small"),
+        ("b.las", b"LASF" + b"\xff" * 400, "its header claims more than it holds"),
         ("a.pcd", b"nothing", "holds no points"),
         ("folder/x.txt", b"", "a folder of depth images has"),
         (
