@@ -13,7 +13,7 @@ import numpy.typing as npt
 from jaxtyping import Bool, Float
 
 from ddf.api import queries
-from ddf.core import checks, config, extras, shipped_models
+from ddf.core import checks, config, extras, shipped_models, storage
 from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
 
@@ -31,6 +31,7 @@ class Field(queries.Queried):
     def __init__(self, framed: framed_field.FramedField, path: Path | None = None) -> None:
         super().__init__(framed)
         self.path = path  # its file or folder; None where there is none
+        self.up = "y" if path is None else up_of(path)
 
     @property
     def weights(self) -> "Weights":
@@ -164,6 +165,14 @@ class Field(queries.Queried):
             if method == "poisson":
                 importlib.import_module("open3d")  # before the cloud is drawn, which takes seconds
             return surfaces.extract(self.framed, self.cloud, method, *sizes)
+
+
+def up_of(path: Path) -> Literal["y", "z"]:
+    """The axis that points up, as `ddf fit --up` was told for the field in a file or a folder; else y."""
+    from ddf.fit import fit_folder
+
+    file = (path if path.is_dir() else path.parent) / fit_folder.METRICS
+    return "z" if file.is_file() and storage.read_json(file).get("up") == "z" else "y"
 
 
 def load(path_or_name: str | Path) -> Field:

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ FARTHEST = 1e100
 class Queried:
     """A field or a scene that can be asked along rays, from cameras and for distances. up: the axis that points up."""
 
-    up = "y"
+    up: Literal["y", "z"] = "y"
 
     def __init__(self, framed: framed_field.FramedField) -> None:
         self.framed = framed
@@ -85,7 +85,7 @@ class Queried:
           radius: its distance from the centre, 0.57 is one diagonal of the box; None frames the box.
           size: pixels a side.
           outputs: some of `outputs`, as `query` gives them; depth is along the ray, from the camera.
-          up: the axis of the mesh that points up, y or z; None: that of the scene file, else y.
+          up: the axis of the mesh that points up, y or z; None: what `ddf fit --up` or the scene file says, else y.
         Returns:
           float64 arrays by name, (size, size) or (size, size, 3), the first row on top.
         Raises:

@@ -29,7 +29,7 @@ class Scene(queries.Queried):
         scene_from_mesh: Sequence[frames.Similarity],
         box: Box | None = None,
         blend: scene_field.Blend | None = None,
-        up: str = "y",
+        up: Literal["y", "z"] = "y",
     ) -> None:
         corners = np.concatenate([to.apply(field.corners) for field, to in zip(fields, scene_from_mesh, strict=True)])
         lower, upper = (corners.min(axis=0), corners.max(axis=0)) if box is None else box

@@ -85,6 +85,8 @@ def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
             result = command.call(args)
             out, _ = arguments.written(command, args)
             result = result if out is None else {"out": out.as_posix()} | result
+        except MemoryError as error:
+            raise errors.InputError(f"not enough memory: {error or 'the input is too large'}") from error
         except KeyboardInterrupt as stop:
             kept = getattr(stop, "kept", "") or arguments.kept(command, args)
             if kept.endswith(":"):

@@ -136,8 +136,9 @@ def _opened(path: Path, up: arguments.Up | None) -> _Opened:
     from ddf.fields import scene_field
 
     if not arguments.is_scene(path):
-        shape = scene_field.Counted(fields.load(path).framed)
-        return _Opened(shape, [shape], 1, up or _up_of(path))
+        field = fields.load(path)
+        shape = scene_field.Counted(field.framed)
+        return _Opened(shape, [shape], 1, up or field.up)
     content = scenes.read_content(path)
     whole = scenes.build(content, path).framed
     assert isinstance(whole, scene_field.SceneField)
@@ -145,15 +146,6 @@ def _opened(path: Path, up: arguments.Up | None) -> _Opened:
     shape = dataclasses.replace(whole, fields=tuple(counted[id(each)] for each in whole.fields))
     waypoints = [stop.look_at() for stop in content.fly]
     return _Opened(shape, list(counted.values()), len(whole.fields), up or content.up, waypoints)
-
-
-def _up_of(field: Path) -> arguments.Up:
-    """What `ddf fit --up` was told."""
-    from ddf.core import storage
-    from ddf.fit import fit_folder
-
-    file = (field if field.is_dir() else field.parent) / fit_folder.METRICS
-    return "z" if file.is_file() and storage.read_json(file).get("up") == "z" else "y"
 
 
 def _around(shown: _Opened, camera: arguments.Camera, turn: int | None) -> list[tuple[float, float, float]]:
@@ -365,7 +357,7 @@ def page_of(what: Sequence[Path], up: arguments.Up | None = None) -> "viewer_pag
     missing = next((path for path in what if len(what) > 1 and not path.exists()), None)
     if missing is not None:
         raise FileNotFoundError(f"{missing}: no such field; a file to write must end in .html")
-    shown, up = list(_shown(what)), up or _up_of(what[0])
+    shown, up = list(_shown(what)), up or fields.up_of(what[0])
     if len(shown) > 1:
         title = ", ".join(name for name, _, _ in shown) if len(shown) <= _NAMED else f"{len(shown)} fields"
         return viewer_page.side_by_side(title, [(name, shape) for name, shape, _ in shown], up)

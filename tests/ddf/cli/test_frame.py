@@ -61,6 +61,7 @@ def test_json_is_one_object_whatever_libraries_print(command, capfd):
         (FileNotFoundError(errno.ENOENT, "No such file or directory", "a.obj"), "No such file or directory: a.obj"),
         (PermissionError(errno.EROFS, "Read-only file system"), "Read-only file system"),
         (FileNotFoundError("x does not exist; run the stage"), "x does not exist; run the stage"),
+        (MemoryError("Unable to allocate 9 TiB"), "not enough memory: Unable to allocate 9 TiB"),
         (
             ModuleNotFoundError("No module named 'torch'", name="torch"),
             'this needs torch: pip install "directed-distance-fields[torch]"',

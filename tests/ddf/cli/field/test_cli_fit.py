@@ -9,6 +9,7 @@ import pytest
 import yaml
 from _tiny_fits import SECTION
 
+import ddf
 from ddf.cli import fields
 from ddf.fields import shape_field
 from ddf.fit import fit_folder, fit_settings, inspection
@@ -48,6 +49,7 @@ def test_pictures_have_up_what_the_fit_was_told(tmp_path, shown):
         with np.load(tmp_path / "depth.npz") as file:
             depths.append(file["depth"])
     assert np.array_equal(depths[0], depths[1]) and not np.array_equal(depths[0], depths[2])
+    np.testing.assert_allclose(ddf.load(tmp_path / "told").render(size=16)["depth"], depths[0], rtol=1e-6)
 
 
 def test_minutes_take_about_that_long_and_few_steps_are_said(work, shown):
