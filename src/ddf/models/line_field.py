@@ -189,13 +189,26 @@ class LineDecoder(nn.Module):
         meets = end > entry
         return torch.where(meets, entry, 0.0), torch.where(meets, end - entry, 1.0) / self.places, meets
 
-    def forward(self, views: Views, positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"]) -> Parts:
-        """All parts of the lines through oriented points, field frame."""
+    def forward(
+        self,
+        views: Views,
+        positions: Float[Tensor, "b n 3"],
+        directions: Float[Tensor, "b n 3"],
+        until: Float[Tensor, "b n"] | None = None,
+    ) -> Parts:
+        """All parts of the lines through oriented points, field frame; with `until` those of the rays up to there: what
+        lies behind p or beyond is not asked, and taken for empty.
+        """
         entry, step, meets = self.span(positions, directions)
         numbers = torch.arange(self.places, dtype=entry.dtype, device=entry.device)
         middle = entry[..., None] + (numbers + 0.5) * step[..., None]
         at = positions[..., None, :] + middle[..., None] * directions[..., None, :]
-        shape, kept = middle.shape, self._may_hold(views, at.detach(), meets).flatten().nonzero()[:, 0]
+        asked = self._may_hold(views, at.detach(), meets)
+        if until is not None:
+            asked &= (middle + 0.5 * step[..., None] > 0) & (
+                numbers <= part_of(until, entry, step).clamp_min(0)[..., None]
+            )
+        shape, kept = middle.shape, asked.flatten().nonzero()[:, 0]
         line = kept // self.places
         answers = self.answers(views, line // shape[1], at.flatten(0, 2)[kept], directions.flatten(0, 1)[line])
         empty = middle.new_tensor([EMPTY, 0.5]).expand(shape.numel(), 2)
@@ -262,6 +275,11 @@ class LineDecoder(nn.Module):
         scale = cameras.FOCAL_PX / cameras.CENTRE_PX / ahead
         pixels = torch.stack((seen[:, 0] * scale, -seen[:, 1] * scale), dim=-1)
         return pixels, (ahead - camera[row, 2]) / BENCHMARK_FROM_FIELD
+
+
+def part_of(depth: Float[Tensor, "*b"], entry: Float[Tensor, "*b"], step: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
+    """Number of the part of a line that a depth lies in."""
+    return ((depth - entry) / step).floor()
 
 
 def _asked(
@@ -336,10 +354,14 @@ class ImageField:
         return field_outputs.DEFAULT
 
     @torch.no_grad()
-    def parts(self, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Parts:
-        """Parts of the lines through oriented points, field frame: one shape, so b = 1."""
-        pairs = zip(positions.split(_CHUNK), directions.split(_CHUNK), strict=True)
-        found = [self.decoder(self.views, at[None], along[None]) for at, along in pairs]
+    def parts(
+        self, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], until: float | None = None
+    ) -> Parts:
+        """Parts of the lines through oriented points, field frame, as of the decoder: one shape, so b = 1."""
+        found = []
+        for at, along in zip(positions.split(_CHUNK), directions.split(_CHUNK), strict=True):
+            far = None if until is None else at.new_full((1, len(at)), until)
+            found.append(self.decoder(self.views, at[None], along[None], far))
         return Parts(*(torch.cat([getattr(each, f.name) for each in found], dim=1) for f in dataclasses.fields(Parts)))
 
     def evaluate(
@@ -347,7 +369,7 @@ class ImageField:
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs inside the box, field frame; float32."""
         at, along = (torch.from_numpy(values).to(self.decoder.lower) for values in (positions, directions))
-        parts = self.parts(at, along)
+        parts = self.parts(at, along, until=math.inf)
         weights, missed = parts.log_weights()
         heaviest = weights.argmax(-1, keepdim=True)
         found = {"visibility": 1 - missed.exp(), "depth": parts.hits.gather(-1, heaviest)[..., 0]}

@@ -88,10 +88,11 @@ def ddf_image_step(
         erring = seen_from + noise * size * torch.cat((torch.ones_like(seen_from[:, :2]), seen_from[:, 2:]), dim=-1)
         positions, directions = turned(positions, directions, seen_from, erring)
         seen_from = erring
-    parts = model.decoder(model.views(batch.images, seen_from), positions, directions)
-    weights, missed = parts.log_weights()
     hit = points.visible > 0.5
-    struck = ((depth - parts.entry) / parts.step).floor().long().clamp(0, model.decoder.places - 1)[..., None]
+    until = torch.where(hit, depth, torch.inf)  # what a ray would meet later is not in the loss
+    parts = model.decoder(model.views(batch.images, seen_from), positions, directions, until)
+    weights, missed = parts.log_weights()
+    struck = line_field.part_of(depth, parts.entry, parts.step).long().clamp(0, model.decoder.places - 1)[..., None]
     chance = -torch.where(hit, weights.gather(-1, struck)[..., 0], missed).mean()
     off = functional.huber_loss(parts.hits.gather(-1, struck)[..., 0], depth, reduction="none", delta=DEPTH_HUBER)
     placed = DEPTH_WEIGHT * (off * hit).sum() / hit.sum().clamp_min(1)

@@ -1,5 +1,7 @@
 """The field with image features along the ray: closed forms, exact derivatives, what the image rules out."""
 
+import copy
+
 import _hand_made
 import _models
 import numpy as np
@@ -41,6 +43,30 @@ def test_weights_are_the_chance_of_the_first_hit_ahead():
     assert weights[0, 0].exp()[1:].tolist() == pytest.approx([a, (1 - a) * b], rel=1e-3)  # the first lies behind p
     assert float(missed.exp()) == pytest.approx((1 - a) * (1 - b), rel=1e-3)
     assert float(weights.exp().sum() + missed.exp()) == pytest.approx(1, abs=1e-12)
+
+
+def test_what_a_ray_does_not_reach_is_not_asked_and_changes_nothing(field, monkeypatch):
+    """Weights up to a part, and the chance to meet nothing, with their gradients, are those of all parts."""
+    positions, directions = _rays(300)
+    decoder = copy.deepcopy(field.decoder).requires_grad_()
+    entry, step, _ = decoder.span(positions, directions)
+    far = torch.rand(300, generator=torch.Generator().manual_seed(4)).double()
+    depth = torch.where(torch.arange(300) % 3 == 0, torch.inf, far)
+    last = line_field.part_of(depth, entry, step).clamp(0, 7).long()
+    rows, answers, found = [], line_field.LineDecoder.answers, []
+    monkeypatch.setattr(
+        line_field.LineDecoder,
+        "answers",
+        lambda self, views, row, *at: rows.append(len(row)) or answers(self, views, row, *at),
+    )
+    for until in (None, depth[None]):
+        parts = decoder(field.views, positions[None], directions[None], until)
+        weights, missed = parts.log_weights()
+        loss = torch.where(depth.isfinite(), weights[0].gather(-1, last[:, None])[:, 0], missed[0])
+        slopes = torch.autograd.grad(loss.sum(), [*decoder.parameters()])
+        found.append(torch.cat([loss.detach(), *(slope.flatten() for slope in slopes)]))
+    torch.testing.assert_close(found[0], found[1], rtol=1e-9, atol=1e-12)
+    assert 0 < rows[1] < 0.6 * rows[0]
 
 
 def test_distance_falls_by_what_p_moves_along_the_ray(field):
