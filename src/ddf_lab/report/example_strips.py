@@ -26,8 +26,8 @@ Errors = Mapping[str, float]  # D_C x 1000 of an image, by method
 
 def words(errors: Errors, turned_deg: Errors) -> str:
     """As printed beside a picture."""
-    told = [f"{scores.METHOD_LABELS[name]} {error:.3f}, {turned_deg[name]:.0f}°" for name, error in errors.items()]
-    return f"D_C, azimuth off: {'; '.join(told)}"
+    labels = scores.METHOD_LABELS
+    return "; ".join(f"{labels[name]} {error:.3f}, {turned_deg[name]:.0f}°" for name, error in errors.items())
 
 
 def drawn(run: Run, results: Results) -> Results:
@@ -53,7 +53,8 @@ def drawn(run: Run, results: Results) -> Results:
             given = picture_strips.on_white(picture.astype(np.float64))
             cells = [given, *_cells(models, truths[image[0]].benchmark_points(), image, places[image])]
             told = words(known[image], {method: _turned_deg(model, image) for method, model in models.items()})
-            rows.append(picture_strips.StripRow(title[0].upper() + title[1:], [told], cells))
+            heading = f"{title[0].upper()}{title[1:]}: D_C × 1000, azimuth off"
+            rows.append(picture_strips.StripRow(heading, [told], cells))
         strips[name] = picture_strips.strip(COLUMNS, rows)
     return dataclasses.replace(results, strips=strips, rendered=rendered)
 
