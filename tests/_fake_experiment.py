@@ -7,7 +7,6 @@ import pandas as pd
 from PIL import Image
 
 from ddf.core import storage
-from ddf.geometry import transforms
 
 SIZES = {"L": 400, "S": 150}
 NUM_TRUTH, NOISE = 700, 0.004  # points; deviation of a prediction, v1 units
@@ -186,4 +185,3 @@ def _float32(tensors):
 
 
 EVALUATE_SECTION = json.dumps({"oracle_points": 100, "oracle_shortlist": 3})
-BENCHMARK = transforms.BENCHMARK_FROM_V1

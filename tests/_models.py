@@ -28,8 +28,7 @@ CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 def field(activation: pddf.DepthActivation = "softplus") -> pddf.PDDF:
     torch.manual_seed(0)
-    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)
-    return pddf.PDDF(config).requires_grad_(False)
+    return pddf.PDDF(dataclasses.replace(FIELD, depth_activation=activation)).requires_grad_(False)
 
 
 def points(count, seed=0):

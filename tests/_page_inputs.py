@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
+import _shapes
 import numpy as np
-import trimesh
 
 from ddf.geometry import mesh_io
 
@@ -13,8 +13,7 @@ _SCENE = Path(__file__).parents[1] / "examples" / "scene.yaml"
 
 def write(folder: Path) -> None:
     """shape.obj, scene.yaml, rays.npz, ids.json, cloud.ply and truth.ply."""
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.8)
-    mesh = mesh_io.Mesh(np.array(ball.vertices), np.array(ball.faces))
+    mesh = _shapes.icosphere(2, 0.8)
     (folder / "shape.obj").write_bytes(mesh_io.export_bytes(mesh, ".obj"))
     (folder / "scene.yaml").write_bytes(_SCENE.read_bytes())
     starts = np.array([[0.0, 0.2, 3.0], [0.1, 0.3, 3.0], [3.0, 0.2, 0.0], [3.0, 5.0, 0.0]])

@@ -10,15 +10,9 @@ from bench.reconstruction import complete
 from ddf.geometry import transforms
 
 
-def _blob(count, seed):
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(count, 3))
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    return points * [1.0, 0.6, 0.3]
-
-
 def test_icp_lays_a_cloud_over_hits_of_it_that_were_turned_moved_and_scaled():
-    cloud = _blob(20_000, 0)
+    points = np.random.default_rng(0).normal(size=(20_000, 3))
+    cloud = points / np.linalg.norm(points, axis=1, keepdims=True) * [1.0, 0.6, 0.3]
     turn = complete.off(transforms.Similarity(), np.random.default_rng(1)).rotation
     left, _, right = np.linalg.svd(np.eye(3) + (turn - turn.T) / 20)
     moved = transforms.Similarity(1.08, left @ right, np.array([0.03, -0.02, 0.05]))

@@ -2,20 +2,17 @@
 
 import functools
 import re
-import runpy
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import _models
 import pytest
+from _experiment_report import ROOT, make
 
 from ddf.core import shipped_models, storage
 from ddf.io import onnx_file
 from ddf_lab.run import Run
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +26,7 @@ def written(tmp_path_factory):
         patch.chdir(root)
         few = functools.partial(onnx_file.ExportConfig, ("visibility", "depth", "normals"), (1, 7))
         patch.setattr(onnx_file, "ExportConfig", few)
-        runpy.run_path(str(ROOT / "stages/export_onnx.py"))["make"](Run.read("configs/tiny.yaml", "chair"))
+        make("export_onnx", Run.read("configs/tiny.yaml", "chair"))
     return root / "artifacts/tiny/export_onnx/chair"
 
 

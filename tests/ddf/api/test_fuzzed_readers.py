@@ -6,9 +6,9 @@ import json
 import math
 import time
 import warnings
-import zipfile
 import zlib
 
+import _shapes
 import numpy as np
 import pytest
 import safetensors.numpy
@@ -234,20 +234,16 @@ def read_lens(data, _, path):
 _LENS = {"intrinsics": [[4, 0, 3], [0, 4, 3], [0, 0, 1]], "camera_to_scan": np.eye(4).tolist(), "depth_scale": 0.01}
 
 
-def _zipped(model):
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr("3D/3dmodel.model", model)
-    return stream.getvalue()
-
-
 def _changed(suffix, data, rng):
     """A mutated file; of a ZIP file sometimes the archive, mostly what it holds."""
     if suffix == ".record":
         return json.dumps(_broken(json.loads(data), rng)).encode()
     if suffix != ".3mf":
         return mutated(data, rng)
-    return mutated(_zipped(data), rng) if rng.integers(0, 4) == 0 else _zipped(mutated(data, rng))
+    name = "3D/3dmodel.model"
+    if rng.integers(0, 4) == 0:
+        return mutated(_shapes.zipped({name: data}), rng)
+    return _shapes.zipped({name: mutated(data, rng)})
 
 
 # Kind: how many files, whole files of that kind, and what reads one with this suffix in a folder.

@@ -96,7 +96,7 @@ def test_distances_are_those_to_the_surface_and_point_to_it(rabbit):
     assert np.median(onto) < 2e-3 and onto.max() < 0.03  # hits are small discs: near the surface, not on it
 
 
-def test_wrong_input_is_one_value_error(rabbit):
+def test_wrong_input_is_one_value_error(rabbit, by_onnx, tmp_path):
     good, along = np.zeros((2, 3)), np.array([[0.0, 0.0, 1.0]] * 2)
     for call, message in (
         (lambda: rabbit.query(good[0], along), r"positions must be numbers of shape .n, 3.; got float64"),
@@ -114,6 +114,8 @@ def test_wrong_input_is_one_value_error(rabbit):
         (lambda: ddf.compare(good, along[:, :2]), "truth must be numbers of shape"),
         (lambda: ddf.compare(good, good[:1], relative=True), "truth: all points are one"),
         (lambda: ddf.cast(3, good, along), "a mesh must have vertices and faces"),
+        (lambda: by_onnx.points(5), "needs the weights of the field"),
+        (lambda: rabbit.export(tmp_path / "rabbit.obj"), r"must end in \.onnx or \.html"),
         (lambda: ddf.fit(3, minutes=1.0, steps=1), "a fit takes minutes or steps; got both"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -122,11 +124,6 @@ def test_wrong_input_is_one_value_error(rabbit):
         ddf.load("hare")
     with pytest.raises(AttributeError, match="has no attribute 'lod'"):
         _ = ddf.lod  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def test_an_onnx_file_alone_says_what_it_lacks(by_onnx):
-    with pytest.raises(checks.InputError, match="needs the weights of the field"):
-        by_onnx.points(5)
 
 
 def test_a_missing_package_is_named_with_its_extra():
@@ -142,8 +139,3 @@ def test_a_saved_field_answers_the_same(tmp_path):
     seen, other = (field.render(size=32, outputs=("visibility", "depth", "normals")) for field in (own, found))
     assert all(np.array_equal(seen[name], other[name]) for name in seen) and (seen["visibility"] > 0.5).any()
     assert "parameters" in repr(found) and repr(found).startswith(f"Field({tmp_path / 'again'}; ")
-
-
-def test_a_field_is_exported_as_onnx_or_as_a_page_alone(rabbit, tmp_path):
-    with pytest.raises(ValueError, match=r"must end in \.onnx or \.html"):
-        rabbit.export(tmp_path / "rabbit.obj")

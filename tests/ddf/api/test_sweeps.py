@@ -9,21 +9,18 @@ from ddf.core import checks
 
 AWAY = np.eye(4)
 AWAY[2, 3] = -3.0  # a camera that looks along its own Z at the origin
-
-
-def _sphere():
-    return _shapes.icosphere(5)
+SPHERE = _shapes.icosphere(5)
 
 
 @pytest.mark.parametrize("kind", ["camera", "lidar"])
 def test_ranges_and_incidence_on_a_sphere_are_those_of_the_closed_form(kind):
     if kind == "camera":
-        sweep = ddf.depth_camera(_sphere(), AWAY, size=(24, 32))
+        sweep = ddf.depth_camera(SPHERE, AWAY, size=(24, 32))
         assert sweep.ranges.shape == (24 * 32,)
     else:
         pose = np.eye(4)
         pose[0, 3] = -3.0
-        sweep = ddf.lidar(_sphere(), [pose, pose], beams=16, columns=180)
+        sweep = ddf.lidar(SPHERE, [pose, pose], beams=16, columns=180)
         assert sweep.ranges.shape == (2 * 16 * 180,)
         np.testing.assert_array_equal(sweep.ranges[: 16 * 180], sweep.ranges[16 * 180 :])
     along = -(sweep.positions * sweep.directions).sum(axis=1)
@@ -38,8 +35,8 @@ def test_ranges_and_incidence_on_a_sphere_are_those_of_the_closed_form(kind):
 
 def test_what_no_sensor_is_is_refused():
     with pytest.raises(checks.InputError, match="size must be 1 or more"):
-        ddf.depth_camera(_sphere(), size=0)
+        ddf.depth_camera(SPHERE, size=0)
     with pytest.raises(checks.InputError, match="a pose must be a 4x4 matrix"):
-        ddf.lidar(_sphere(), np.eye(3))
+        ddf.lidar(SPHERE, np.eye(3))
     with pytest.raises(checks.InputError, match="elevation and azimuth must be two angles"):
-        ddf.lidar(_sphere(), elevation_deg=(0.0, 100.0))
+        ddf.lidar(SPHERE, elevation_deg=(0.0, 100.0))

@@ -12,7 +12,6 @@ from ddf.cli import results
 @pytest.mark.parametrize(
     ("value", "shown"),
     [
-        (math.nan, "–"),
         (None, "–"),
         (np.float32("nan"), "–"),
         (math.inf, "inf"),

@@ -45,14 +45,11 @@ def test_table_comes_back_bit_for_bit(tmp_path):
     assert metadata["seed"] == 1
 
 
-def _small_files(folder):
-    storage.save_tensors(folder / "a.safetensors", {"x": np.arange(3, dtype=np.int16)}, {"seed": 1})
-    storage.save_table(folder / "a.csv", pd.DataFrame({"x": [1, 2]}), {})
-    return {folder / "a.safetensors": storage.load_tensors, folder / "a.csv": storage.load_table}
-
-
 def test_every_flipped_bit_and_every_truncation_is_noticed(tmp_path):
-    for path, load in _small_files(tmp_path).items():
+    arrays, table = tmp_path / "a.safetensors", tmp_path / "a.csv"
+    storage.save_tensors(arrays, {"x": np.arange(3, dtype=np.int16)}, {"seed": 1})
+    storage.save_table(table, pd.DataFrame({"x": [1, 2]}), {})
+    for path, load in ((arrays, storage.load_tensors), (table, storage.load_table)):
         good = path.read_bytes()
         for i in range(len(good)):
             for damaged in (good[:i] + bytes([good[i] ^ (1 << (i % 8))]) + good[i + 1 :], good[:i]):

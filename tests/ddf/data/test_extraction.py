@@ -89,14 +89,9 @@ def test_samples_of_transitions_have_the_normal_at_their_origin(kind):
     origin = p if kind == "S" else p - (p * v).sum(-1, keepdim=True) * v
     aligned = (torch.nn.functional.normalize(origin, dim=-1) * samples["normals"]).sum(-1)
     assert (aligned > np.cos(np.radians(3))).all()
-    assert kind == "T" or 0.4 < samples["visible"].float().mean() < 0.6
 
 
 def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
-    drawn = draws.draw_at_surface(draws.Domain(_surface(SLAB), draws.CUBE), 2000, _random())
-    points = rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
-    hits = raycast.cast(SLAB, points)
-    assert hits.visible.float().mean() > 0.995
     samples = _decoded(SLAB, "A")
     assert samples["visible"].float().mean() > 0.995
 

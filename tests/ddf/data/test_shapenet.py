@@ -15,10 +15,6 @@ from ddf.data import shapenet
 CHAIR = "03001627"
 
 
-def _save(path, pixels):
-    Image.fromarray(pixels).save(path)
-
-
 def _disc(seed=0):
     """An opaque disc of random colours, on a transparent ground that hides others."""
     y, x = np.mgrid[:137, :137]
@@ -29,7 +25,7 @@ def _disc(seed=0):
 
 def test_image_is_read_as_it_is(tmp_path):
     pixels = _disc()
-    _save(tmp_path / "00.png", pixels)
+    Image.fromarray(pixels).save(tmp_path / "00.png")
     image = shapenet.read_image(tmp_path / "00.png", 137)
     pixels[pixels[..., 3] == 0] = 0
     assert image.dtype == torch.float32
@@ -39,7 +35,7 @@ def test_image_is_read_as_it_is(tmp_path):
 def test_resized_image_keeps_area_and_colour(tmp_path):
     pixels = _disc()
     pixels[pixels[..., 3] > 0] = (200, 100, 50, 255)
-    _save(tmp_path / "00.png", pixels)
+    Image.fromarray(pixels).save(tmp_path / "00.png")
     for size in (128, 64, 32):
         image = shapenet.read_image(tmp_path / "00.png", size)
         assert image.shape == (4, size, size)
@@ -58,7 +54,7 @@ def _message(call, *arguments):
 
 def test_bad_images_are_named(tmp_path):
     path = tmp_path / "00.png"
-    _save(path, _disc())
+    Image.fromarray(_disc()).save(path)
     data = path.read_bytes()
     half = len(data) // 2
     flipped = data[:half] + bytes([data[half] ^ 0xFF]) + data[half + 1 :]
@@ -69,7 +65,7 @@ def test_bad_images_are_named(tmp_path):
         (_disc()[..., :3], "must be RGBA, its alpha is the mask"),
         (_disc()[:100], "must be 137 x 137"),
     ):
-        _save(path, pixels)
+        Image.fromarray(pixels).save(path)
         assert _message(shapenet.read_image, path, 64).startswith(f"{path}: {text}")
     path.unlink()
     assert "no such image" in _message(shapenet.read_image, path, 64)

@@ -20,9 +20,8 @@ def _modulations(shapes, dtype=torch.float64):
     return [m.detach() for m in modulator(torch.randn(shapes, 5, dtype=dtype))]
 
 
-def _inputs(shapes, points, dtype=torch.float64):
-    generator = torch.Generator().manual_seed(1)
-    return torch.randn(shapes, points, 6, generator=generator, dtype=dtype)
+def _random(*shape, seed=1, dtype=torch.float64):
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)
 
 
 @pytest.mark.parametrize("modulated", [False, True])
@@ -30,8 +29,8 @@ def _inputs(shapes, points, dtype=torch.float64):
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-8), (torch.float32, 1e-4)])
 def test_adjoint_and_tangent_equal_autograd(modulated, omega_first, omega_hidden, dtype, tolerance):
     network, modulations = _network(dtype, omega_first, omega_hidden), _modulations(2, dtype) if modulated else None
-    inputs = _inputs(2, 9, dtype).requires_grad_()
-    directions = torch.randn(2, 9, 3, generator=torch.Generator().manual_seed(2), dtype=dtype)
+    inputs = _random(2, 9, 6, dtype=dtype).requires_grad_()
+    directions = _random(2, 9, 3, seed=2, dtype=dtype)
     trace = derivatives.trace(network, inputs, modulations)
     jacobian = torch.stack(
         [torch.autograd.grad(trace.outputs[..., i].sum(), inputs, retain_graph=True)[0][..., :3] for i in range(4)], -2
@@ -49,10 +48,6 @@ def test_adjoint_and_tangent_equal_autograd(modulated, omega_first, omega_hidden
 def _field(activation: pddf.DepthActivation = "softplus"):
     torch.manual_seed(3)
     return pddf.PDDF(pddf.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0)).double()
-
-
-def _random(*shape, seed=1):
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def _depth(field, p, v, modulations):

@@ -13,7 +13,9 @@ from ddf.fields import losses, pddf, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
 _WAYS: tuple[Literal["chosen", "mixture", "gated"], ...] = ("chosen", "mixture", "gated")
-WEIGHTS = losses.LossWeights(transition_speed=1.5)
+WEIGHTS = losses.LossWeights(  # no two alike and none 1, so that none can stand for another or be left out
+    normals=8.0, weight_variance=0.7, transition=0.15, visibility_variance=0.3, transition_speed=1.5
+)
 
 
 def _field(activation: pddf.DepthActivation = "softplus"):
@@ -41,26 +43,8 @@ def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, m
     assert not any(term.requires_grad for term in terms.values())
 
 
-_NAMES = [field.name for field in dataclasses.fields(losses.LossWeights)]
-
-
-_CHOICES = ("depth_of", "depth_huber", "transition_speed")  # settings that scale no term
-_SCALES = [name for name in _NAMES if name not in _CHOICES]
-_NOTHING = dataclasses.replace(WEIGHTS, **dict.fromkeys(_SCALES, 0.0), depth_of="chosen", depth_huber=None)
-
-
-def _loss(field, batch, weights=WEIGHTS):
-    return losses.shape_loss(field, batch, None, weights)[0]
-
-
-@pytest.mark.parametrize("name", _SCALES)
-def test_every_weight_scales_its_own_term(name):
-    field, batch = _field(), _models.batch(COUNTS)
-    one, two = (dataclasses.replace(_NOTHING, **{name: factor}) for factor in (1.0, 2.0))
-    single, double = (float(_loss(field, batch, weights).detach()) for weights in (one, two))
-    assert single != 0
-    assert double == pytest.approx(2 * single, rel=1e-12)
-    assert float(_loss(field, batch, _NOTHING).detach()) == 0
+def _loss(field, batch):
+    return losses.shape_loss(field, batch, None, WEIGHTS)[0]
 
 
 def test_huber_depth_error_is_quadratic_then_linear():
@@ -116,10 +100,9 @@ def test_gated_depth_loss_is_least_where_the_weight_chooses_the_better_component
 
 def test_shape_loss_uses_the_huber_threshold():
     field, batch = _field(), _models.batch(COUNTS)
-    square = dataclasses.replace(_NOTHING, depth=1.0)
-    wide = dataclasses.replace(square, depth_huber=1e9)  # no error is beyond it: e²/(2β)
-    square, huber = (_loss(field, batch, weights) for weights in (square, wide))
-    assert float((2e9 * huber / square).detach()) == pytest.approx(1.0)
+    wide = dataclasses.replace(WEIGHTS, depth_huber=1e9)  # no error is beyond it: e²/(2β)
+    square, huber = (losses.shape_loss(field, batch, None, weights)[1]["depth"] for weights in (WEIGHTS, wide))
+    assert float(2e9 * huber / square) == pytest.approx(1.0)
 
 
 def test_ground_truth_of_extra_points_is_never_read():
@@ -138,7 +121,6 @@ def test_blocks_are_the_batch_in_parts(points):
     rows = {kind: [] for kind in COUNTS}
     for shapes, block in batch.blocks(points):
         assert block.visible.shape == (shapes.stop - shapes.start, sum(block.counts.values()))
-        assert len(block.visible) == 1 or block.visible.numel() <= max(points, block.visible.shape[1])
         assert block.visible.numel() <= max(points, 1)
         for kind in COUNTS:
             rows[kind] += block.visible[:, block.span(kind, kind)].flatten().tolist()

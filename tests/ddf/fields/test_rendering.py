@@ -1,4 +1,4 @@
-"""A conditional field rendered: each output alone, rays that miss the box, depth from the camera, modulations."""
+"""A conditional field rendered: each output alone, depth from the camera."""
 
 import torch
 
@@ -26,16 +26,6 @@ def test_each_output_is_that_of_all_together_and_nothing_else():
         assert same == queries
         assert set(alone) == {name}
         torch.testing.assert_close(alone[name], expected)
-
-
-def test_rays_that_miss_the_box_are_background_and_cost_nothing():
-    field, (camera, scale) = _field(), _camera()
-    images, queries = rendering.render(field, None, camera, scale, 32)
-    background = torch.isinf(images["depth"])
-    assert queries == int((~background).sum())
-    assert 0 < queries < 32 * 32
-    assert bool((images["visibility"][background] == 0).all())
-    assert bool((images["normals"][background] == 0).all())
 
 
 def test_depth_is_measured_from_the_camera():

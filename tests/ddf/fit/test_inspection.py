@@ -54,13 +54,7 @@ def test_a_picture_of_the_mesh_has_two_rows_that_are_equal_below_their_names():
     assert np.array_equal(above[30:], below[30:]) and above.std() > 10 and not np.array_equal(above, below)
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "verdicts"),
-    [
-        ("depth", (0.1, 0.11, 0.51), ("good", "fair", "poor")),
-        ("silhouettes", (99.0, 98.9, 96.9), ("good", "fair", "poor")),
-    ],
-)
-def test_verdicts_change_at_their_bounds(name, values, verdicts):
-    assert tuple(map(inspection.MEASURES[name].verdict, values)) == verdicts
+@pytest.mark.parametrize(("name", "values"), [("depth", (0.1, 0.11, 0.51)), ("silhouettes", (99.0, 98.9, 96.9))])
+def test_verdicts_change_at_their_bounds(name, values):
+    assert [*map(inspection.MEASURES[name].verdict, values)] == ["good", "fair", "poor"]
     assert inspection.MEASURES[name].verdict(float("nan")) == ""

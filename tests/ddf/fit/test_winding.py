@@ -5,8 +5,7 @@ import pytest
 from _shapes import area_and_volume, cube, icosphere, joined, moved, torus
 
 from ddf.fit import winding
-from ddf.geometry import mesh_io
-from ddf.geometry.mesh_io import Mesh
+from ddf.geometry.mesh_io import Mesh, face_normals
 
 
 def _shuffled(mesh, left_out=()):
@@ -35,7 +34,7 @@ def test_small_openings_are_closed_and_large_ones_stay():
     half = np.flatnonzero(mesh.triangles[:, :, 1].mean(axis=1) < 0)
     bowl = winding.told(_shuffled(mesh, half))
     assert len(bowl.faces) == len(mesh.faces) - len(half)
-    normals, _ = mesh_io.face_normals(bowl)
+    normals, _ = face_normals(bowl)
     assert ((normals * bowl.triangles.mean(axis=1)).sum(axis=1) > 0).all()  # the bulging side
 
 

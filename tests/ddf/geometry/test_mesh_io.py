@@ -13,19 +13,13 @@ from ddf.core import checks
 from ddf.geometry import mesh_io
 
 
-def test_obj_keeps_every_bit_of_far_coordinates(tmp_path):
-    mesh = moved(icosphere(1), 1e-3, (123456.789, -98765.4321, 5e6))
-    path = tmp_path / "far.obj"
-    path.write_bytes(mesh_io.export_bytes(mesh, ".obj"))
-    assert (mesh_io.load(path).vertices == mesh.vertices).all()
-
-
 @pytest.mark.parametrize("suffix", mesh_io.SUFFIXES)
-def test_far_meshes_come_back_to_a_millionth_from_every_format(suffix):
+def test_far_meshes_come_back_to_a_millionth_from_formats_of_float32_and_to_the_bit_from_others(suffix):
     near, place = icosphere(1), np.array([500123.761, 4649776.48, -250.67])
     far = moved(near, 0.4, tuple(place))
     data = mesh_io.export_bytes(far, suffix)
-    assert_close(mesh_io.parse(data, suffix).triangles, far.triangles, rtol=0, atol=4e-7)
+    off = 4e-7 if suffix in (".stl", ".glb") else 0.0
+    assert_close(mesh_io.parse(data, suffix).triangles, far.triangles, rtol=0, atol=off)
     other = trimesh.load_scene(trimesh.util.wrap_as_stream(data), file_type=suffix[1:], process=False).to_mesh()
     shift = mesh_io.told_origin(far.vertices) if suffix == ".stl" else 0.0  # that its header tells, and no other reader
     assert_close(other.triangles + shift, far.triangles, rtol=0, atol=1e-6)

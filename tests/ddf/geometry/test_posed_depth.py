@@ -18,9 +18,9 @@ POSES = np.tile(np.eye(4), (2, 1, 1))
 POSES[1, 0, 3] = 0.25
 
 
-def depths(file: Path, step: float, value: float = FAR) -> None:
+def depths(file: Path, step: float) -> None:
     """A PNG of 16 bits, its first pixel without a depth."""
-    image = np.full((HEIGHT, WIDTH), round(value / step), np.uint16)
+    image = np.full((HEIGHT, WIDTH), round(FAR / step), np.uint16)
     image[0, 0] = 0
     file.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(image).save(file)
@@ -231,13 +231,9 @@ def _frame(path: object = "d.png", **other: object) -> bytes:
         ("b.las", b"LASF" + b"\xff" * 400, "its header claims more than it holds"),
         ("a.pcd", b"nothing", "holds no points"),
         ("folder/x.txt", b"", "a folder of depth images has"),
-        (
-            "folder/transforms.json",
-            b'{"frames": [{"depth_file_path": "d.png"}]}',
-            "a frame needs depth_file_path, transform_matrix",
-        ),
+        ("folder/transforms.json", b'{"frames": [{"depth_file_path": "d.png"}]}', "a frame needs depth_file_path"),
         ("folder/transforms.json", b"[]", "must be an object with frames"),
-        ("folder/transforms.json", _frame(path=3), "a frame needs depth_file_path"),
+        ("folder/transforms.json", _frame(path=3), "a frame needs depth_file_path, transform_matrix"),
         ("folder/transforms.json", _frame(depth_unit_scale_factor="mm"), "depth_unit_scale_factor must be a number"),
         ("folder/transforms.json", _frame(depth_unit_scale_factor=-1), r"must be above 0; got \(-1.0, 9"),
         ("folder/transforms.json", _frame(w=0), "fl_y, w, h must be above 0"),

@@ -95,15 +95,6 @@ def test_depth_obeys_properties_i_to_iii(name):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_depth_drops_by_step_along_ray(name):
-    points = _clear_rays(name, seed=4)
-    depth = _depth(name, points.positions, points.directions)
-    step = 0.7 * depth
-    later = _depth(name, points.positions + step[:, None] * points.directions, points.directions)
-    assert_close(later, depth - step, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", SHAPES)
 def test_curvatures_equal_property_v(name):
     points = _clear_rays(name, seed=5)
     points = rays.OrientedPoints(points.positions[:40], points.directions[:40])

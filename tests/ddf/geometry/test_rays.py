@@ -99,9 +99,7 @@ def test_directions_that_are_not_unit_are_refused(length, dtype):
     assert_refused(lambda: rays.OrientedPoints(torch.zeros_like(direction), direction), rule)
 
 
-def test_directions_rounded_to_float16_are_refused_and_those_off_by_1e_5_kept(dtype):
-    rounded = torch.full((1, 3), 3**-0.5, dtype=torch.float16).to(dtype)
-    assert_refused(lambda: rays.OrientedPoints(torch.zeros_like(rounded), rounded), "unit length .* got 0.99965")
+def test_directions_off_by_1e_5_are_kept(dtype):
     near = torch.tensor([[1 - 1e-5, 0.0, 0.0], [0.0, 0.0, 1 + 1e-5]], dtype=dtype)
     assert_exact(rays.OrientedPoints(torch.zeros_like(near), near).directions, near)
 

@@ -23,17 +23,6 @@ def _depth():
     return depth
 
 
-def test_depth_image_is_rays_whose_hits_lie_on_the_plane_and_project_to_their_pixels():
-    scan = scans.of_depth(_depth(), INTRINSICS, TURN.to_matrix())
-    assert len(scan.ranges) == 24 * 30 - 1 and (~scan.hit).sum() == 1
-    local = TURN.inverse().apply(scan.points)
-    np.testing.assert_allclose(local[:, 2], 2.0, rtol=0, atol=1e-12)
-    pixels = local @ INTRINSICS.T / local[:, 2:]
-    rows, columns = np.nonzero(np.isfinite(_depth()) & (_depth() > 0))
-    np.testing.assert_allclose(pixels[:, :2], np.stack((columns, rows), 1) + 0.5, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(scan.positions, np.broadcast_to(TURN.translation, scan.positions.shape))
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_pixels_of_any_camera_anywhere_are_the_rays_of_a_loop_over_them(seed):
     rng = np.random.default_rng(seed)
@@ -43,14 +32,16 @@ def test_pixels_of_any_camera_anywhere_are_the_rays_of_a_loop_over_them(seed):
     fx, fy = rng.uniform(0.6, 3, 2) * width
     cx, cy = np.array([width, height]) * (0.5 + rng.uniform(-0.09, 0.09, 2))
     skew, depth = rng.uniform(-0.5, 0.5), rng.uniform(0.1, 9, (height, width))
+    depth.flat[1], depth.flat[2] = np.inf, 0.0  # a pixel that saw nothing, and one without an answer
     scan = scans.of_depth(depth, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], place.to_matrix())
     ways = []
     for row, column in np.ndindex(height, width):
         y = (row + 0.5 - cy) / fy
         ways.append([(column + 0.5 - cx - skew * y) / fx, y, 1.0])
+    ways = np.delete(ways, 2, axis=0)
     lengths = np.linalg.norm(ways, axis=1)
-    np.testing.assert_allclose(scan.directions, np.array(ways) @ place.rotation.T / lengths[:, None], atol=1e-9)
-    np.testing.assert_allclose(scan.ranges, depth.ravel() * lengths, rtol=1e-9)
+    np.testing.assert_allclose(scan.directions, ways @ place.rotation.T / lengths[:, None], atol=1e-9)
+    np.testing.assert_allclose(scan.ranges, np.delete(depth, 2) * lengths, rtol=1e-9)
     np.testing.assert_allclose(scan.positions, np.broadcast_to(place.translation, scan.positions.shape))
 
 
@@ -62,7 +53,7 @@ def test_the_three_kinds_of_file_are_one_scan(tmp_path):
     np.savez(tmp_path / "points.npz", points=scan.points, sensors=TURN.translation)
     rays, image, points = (scans.read(tmp_path / f"{name}.npz") for name in ("rays", "depth", "points"))
     for one in (rays, image):
-        np.testing.assert_allclose(one.ranges, scan.ranges)
+        np.testing.assert_array_equal(one.ranges, scan.ranges)
         np.testing.assert_allclose(one.directions, scan.directions)
     np.testing.assert_allclose(points.ranges, scan.ranges[scan.hit])
     np.testing.assert_allclose(points.points, scan.points)
@@ -88,13 +79,11 @@ BAD = {
     "lower entry": (LENS | {"intrinsics": INTRINSICS + np.eye(3, k=-1) * 3}, r"\[0, fy, cy\]"),
     "transposed": (LENS | {"intrinsics": INTRINSICS.T}, "these stand transposed"),
     "intrinsics (3, 4)": (LENS | {"intrinsics": np.eye(3, 4)}, "intrinsics must be"),
-    "part of the image": (LENS | {"depth": _depth()[:8, :8]}, "of another image than 8 x 8"),
     "image of twice the size": (LENS | {"intrinsics": TWICE}, "of another image than 30 x 24"),
     "image of half the size": (LENS | {"intrinsics": INTRINSICS * [[0.5], [0.5], [1]]}, "tell width and height"),
     "turned image": (LENS | {"intrinsics": INTRINSICS[[1, 0, 2]][:, [1, 0, 2]]}, "of another image"),
     "size of another": (LENS | {"width": 60, "height": 48}, r"another width or height \(48, 60\) than 30 x 24"),
     "two widths": (LENS | {"width": [30, 30]}, "width, height must be a number"),
-    "focal in metres": (LENS | {"intrinsics": INTRINSICS * [[1e-3], [1e-3], [1]]}, "of another image"),
     "scaled camera": (LENS | {"camera_to_scan": np.diag([2.0, 2, 2, 1])}, "without a scale"),
     "camera by columns": (LENS | {"camera_to_scan": TURN.to_matrix().T}, "last row: transpose it"),
     "other sensors": ({"points": np.ones((3, 3)), "sensors": np.zeros((2, 3))}, r"sensors must be \(3,\)"),
@@ -253,7 +242,6 @@ BAD_PNG = {
     "a list": (GREY, "[]", "must be a JSON object"),
     "no intrinsics": (GREY, {"depth_scale": 1}, "intrinsics"),
     "words": (GREY, SAID | {"depth_scale": "0.001"}, "depth_scale must be a number; got '0.001'"),
-    "true": (GREY, SAID | {"depth_scale": True}, "depth_scale must be a number; got True"),
     "scale": (GREY, SAID | {"depth_scale": 0}, "must be above 0, 100 at most; got 0"),
     "inverse scale": (GREY, SAID | {"depth_scale": 1000}, "perhaps its inverse, 0.001, is meant"),
     "unknown key": (GREY, SAID | {"camera_to_world": 1}, r"'camera_to_world'.*\(did you mean camera_to_scan\?\)"),

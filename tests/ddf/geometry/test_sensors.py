@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ddf.core import checks
-from ddf.geometry import scans, sensors, transforms
+from ddf.geometry import sensors, transforms
 
 
 def test_fan_has_the_beams_of_every_column_and_no_direction_twice():
@@ -55,10 +55,3 @@ def test_faults_have_the_size_that_is_asked_for():
 def test_faults_out_of_range_are_refused(faults):
     with pytest.raises(checks.InputError, match="noise must be 0 or more"):
         _measured(**faults)
-
-
-def test_a_sweep_saves_what_a_scan_reads(tmp_path):
-    _, sweep = _measured(noise=0.01)
-    sweep.save(tmp_path / "sweep.npz")
-    found = scans.read(tmp_path / "sweep.npz")
-    np.testing.assert_array_equal(found.ranges, sweep.ranges)

@@ -98,12 +98,6 @@ def test_shifted_grid_in_closed_form():
     assert below.f_score_tau == 0.0 and below.f_score_2tau == 1.0
 
 
-def test_reused_trees_give_the_same_scores():
-    prediction, truth = _cloud(1, 100), _cloud(2, 130)
-    reused = cloud_scores.compare_clouds(neighbours.Neighbours(prediction), neighbours.Neighbours(truth), 0.02)
-    assert reused == cloud_scores.compare_clouds(prediction, truth, 0.02)
-
-
 LINE = [[float(i), 0.0, 0.0] for i in range(4)]
 GRID = [[0.1 * i, 0.2 * i, -0.3 * i] for i in range(9)]
 POINT = [[0.25, 0, 0]]

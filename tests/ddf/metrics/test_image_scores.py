@@ -8,10 +8,6 @@ from torch.nn import functional
 from ddf.metrics import image_scores
 
 
-def _section(size):
-    return image_scores.Subsets(2, size)
-
-
 def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():
     generator = torch.Generator().manual_seed(0)
     first, second = (torch.randn((6, 3), generator=generator).double() for _ in "ab")
@@ -19,7 +15,7 @@ def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():
         float((x[i] @ x[j] / 3 + 1) ** 3) / 30 for x in (first, second) for i in range(6) for j in range(6) if i != j
     )
     across = sum(float((a @ b / 3 + 1) ** 3) / 36 for a in first for b in second)
-    found = image_scores.score(first, second, _section(6))
+    found = image_scores.score(first, second, image_scores.Subsets(2, 6))
     assert found["kid"] == pytest.approx(within - 2 * across)
     assert found["kid_spread"] == pytest.approx(0, abs=1e-12)  # every subset is all of them
 
@@ -37,7 +33,8 @@ def test_the_mean_image_blur_and_noise_are_behind_other_images():
         name: functional.avg_pool2d(8 * (each + 1), 4).mean(1).flatten(1)
         for name, each in {"real": real, "others": others, **fakes}.items()
     }
-    rows = {name: image_scores.score(pooled[name], pooled["real"], _section(60))["kid"] for name in ("others", *fakes)}
+    whole = image_scores.Subsets(2, 60)
+    rows = {name: image_scores.score(pooled[name], pooled["real"], whole)["kid"] for name in ("others", *fakes)}
     assert min(rows, key=lambda name: rows[name]) == "others"
     assert min(rows[name] for name in fakes) > 3 * abs(rows["others"])
 
@@ -66,4 +63,4 @@ def test_blur_keeps_even_images_and_noise_has_its_spread():
 def test_a_set_that_is_too_small_is_told():
     features = torch.zeros(5, 2)
     with pytest.raises(ValueError, match="must be at most the 5 images of 'ours'; got 6"):
-        image_scores.table({"ours": features}, torch.zeros(6, 2), _section(6))
+        image_scores.table({"ours": features}, torch.zeros(6, 2), image_scores.Subsets(2, 6))

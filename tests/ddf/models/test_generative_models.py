@@ -17,15 +17,10 @@ from ddf.fields import model_files, pddf, shape_field
 from ddf.models import generative_models, generative_settings
 
 
-def _cloud(count=50):
-    generator = torch.Generator().manual_seed(0)
-    return torch.randn((2, count, 3), generator=generator), torch.randn((2, count, 3), generator=generator)
-
-
 def test_the_order_of_the_points_does_not_count_and_normals_do():
     torch.manual_seed(0)
     posterior = generative_models.Posterior(8, width=16).eval()
-    positions, normals = _cloud()
+    positions, normals = torch.randn((2, 2, 50, 3), generator=torch.Generator().manual_seed(0))
     turned = torch.randperm(50)
     mean, log_variance = posterior(positions, normals)
     assert_close(posterior(positions[:, turned], normals[:, turned])[0], mean)

@@ -7,12 +7,6 @@ from ddf.geometry import cameras
 from ddf.pictures import field_pictures, picture_strips
 
 _CAMERA = np.array([0.7, 0.45, 0.8])
-_WHITE = np.full(3, 255)
-
-
-def _dark(picture):
-    """Rows and columns of pixels that are not white."""
-    return np.argwhere((picture < 250).any(axis=-1))
 
 
 def test_a_point_is_drawn_where_the_camera_projects_it():
@@ -20,7 +14,8 @@ def test_a_point_is_drawn_where_the_camera_projects_it():
     picture = picture_strips.cloud_picture(point, np.zeros((1, 3)), _CAMERA, size=137)
     extrinsics = cameras.extrinsics(*torch.from_numpy(_CAMERA))
     column, row = (float(value[0]) for value in cameras.project(torch.from_numpy(point), *extrinsics))
-    centre = _dark(picture).mean(axis=0) + 0.5
+    dark = np.argwhere((picture < 250).any(axis=-1))  # rows and columns of pixels that are not white
+    centre = dark.mean(axis=0) + 0.5
     assert np.abs(centre - [row, column]).max() < 0.6
 
 

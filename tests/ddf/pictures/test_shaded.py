@@ -31,13 +31,6 @@ def drawn(standing):
     return camera, shaded.render(standing, camera, SIZE)
 
 
-@pytest.fixture(scope="module")
-def evaluated(standing, drawn):
-    counted = scene_field.Counted(standing.field)
-    shaded.render(dataclasses.replace(standing, field=counted), drawn[0], SIZE)
-    return counted.queries
-
-
 def test_the_ground_is_at_the_lowest_point(standing):
     assert standing.floor == pytest.approx(-RADIUS / 0.5, abs=0.01)
 
@@ -88,9 +81,10 @@ def test_the_side_of_the_lamp_is_bright_and_the_shadow_falls_on_the_other(drawn)
     assert (grey[ground & ~left] < 230).sum() > 20
 
 
-def test_few_rays_are_asked_and_sides_are_smooth(drawn, evaluated):
-    _, found = drawn
-    assert 0 < evaluated < 0.25 * 2 * shaded.MOST_SAMPLES * SIZE**2
+def test_few_rays_are_asked_and_sides_are_smooth(standing, drawn):
+    counted, (camera, found) = scene_field.Counted(standing.field), drawn
+    shaded.render(dataclasses.replace(standing, field=counted), camera, SIZE)
+    assert 0 < counted.queries < 0.25 * 2 * shaded.MOST_SAMPLES * SIZE**2
     assert ((found.seen > 0) & (found.seen < 1)).sum() > SIZE  # its outline
 
 

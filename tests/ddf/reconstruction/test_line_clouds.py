@@ -3,11 +3,12 @@
 import dataclasses
 
 import _hand_made
+import _models
 import numpy as np
 import torch
-from _hand_made import POINTCLOUDS, TRAIN
+from _hand_made import POINTCLOUDS
 
-from ddf.models import line_field, reconstruction_models
+from ddf.models import line_field
 from ddf.reconstruction import line_clouds, three_views
 
 
@@ -48,7 +49,5 @@ def test_three_views_of_one_image_are_that_image():
 def test_latents_of_three_views_are_averaged_and_placed_as_the_truth():
     images, shapes = _hand_made.images(), _hand_made.shapes()
     images = dataclasses.replace(images, shapes=np.array([0, 0, 0, 1, 1, 1]))
-    torch.manual_seed(0)
-    model = reconstruction_models.DDFModel(TRAIN, _hand_made.DDF.field).eval().requires_grad_(False)
-    tensors, facts = three_views.of_latents(model, images, shapes, POINTCLOUDS)
+    tensors, facts = three_views.of_latents(_models.ddf_model(), images, shapes, POINTCLOUDS)
     assert tensors[three_views.CLOUDS].shape == (2, 60, 3) and facts[three_views.CLOUDS] == list(images.ids[:2])

@@ -102,9 +102,8 @@ def _fit(name, folder, stop_at=None):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_two_runs_agree_and_a_resumed_one_equals_an_uninterrupted_one(name, tmp_path):
+def test_a_resumed_training_equals_an_uninterrupted_one(name, tmp_path):
     whole = _fit(name, tmp_path / "whole")
-    assert whole == _fit(name, tmp_path / "again")
     with pytest.raises(KeyboardInterrupt):
         _fit(name, tmp_path / "parts", stop_at=1)
     assert whole == _fit(name, tmp_path / "parts")

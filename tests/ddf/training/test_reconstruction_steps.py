@@ -143,18 +143,6 @@ def test_pcsiren_step_is_the_weighted_sum_of_its_parts():
     torch.testing.assert_close(terms["chamfer"].double(), chamfer, rtol=1e-4, atol=0)
 
 
-def test_batches_follow_seed_and_step():
-    images = _hand_made.images(count=40, shapes=3)
-    other = dataclasses.replace(SEEDED, loop=dataclasses.replace(SEEDED.loop, seed=6))
-    rows = [
-        reconstruction_steps.Batch.draw(images, train, step).rows
-        for train, step in ((SEEDED, 2), (SEEDED, 3), (other, 2))
-    ]
-    assert not np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
-    expected = np.random.default_rng((5, 2)).choice(40, SEEDED.batch_size, replace=False)
-    assert np.array_equal(rows[0], expected)
-
-
 def test_mirrored_images_learn_the_mirrored_camera_and_predictions_are_mirrored_back():
     train = dataclasses.replace(TRAIN, told=True)
     batch = reconstruction_steps.Batch.draw(_hand_made.images(), train, 0)

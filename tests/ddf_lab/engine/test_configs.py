@@ -2,11 +2,10 @@
 
 import dataclasses
 from dataclasses import is_dataclass
-from pathlib import Path
 
 import pytest
+from _pipeline import FILES
 
-from ddf.core import config
 from ddf.fields import cloud_projection
 from ddf.fields import pddf as ddf_fields
 from ddf.fit import fit_settings
@@ -14,7 +13,6 @@ from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import one_image
 from ddf_lab.run import KINDS, SECTIONS, Run, class_of
 
-FILES = [*sorted((Path(__file__).resolve().parents[3] / "configs").glob("*.yaml")), *config.PACKAGED.glob("*.yaml")]
 CONFIGS = [path for path in FILES if Run.read(path).kind == "reconstruction"]
 
 
@@ -38,12 +36,6 @@ def test_commands_draw_clouds_as_the_default_experiment_does():
     assert section.correction == one_image.CAMERA
 
 
-def _models(path):
-    train = Run.read(path).section(reconstruction_settings.TrainConfig)
-    section = Run.read(path).section(reconstruction_settings.DDFConfig)
-    return reconstruction_models.DDFModel(train, section.field), reconstruction_models.PCSirenModel(train)
-
-
 def _shapes(part, without=()):
     return {name: value.shape for name, value in part.state_dict().items() if not name.startswith(without)}
 
@@ -51,7 +43,10 @@ def _shapes(part, without=()):
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_both_models_have_one_decoder(path):
     """Layer by layer: only what goes in and what comes out differs, and the encoders are the same."""
-    ours, theirs = _models(path)
+    train = Run.read(path).section(reconstruction_settings.TrainConfig)
+    section = Run.read(path).section(reconstruction_settings.DDFConfig)
+    ours = reconstruction_models.DDFModel(train, section.field)
+    theirs = reconstruction_models.PCSirenModel(train)
     pairs = [(getattr(ours, name), getattr(theirs, name)) for name in ("shape_encoder", "camera_encoder")]
     for one, other in (*pairs, (ours.decoder.modulator, theirs.decoder.modulator)):
         assert _shapes(one) == _shapes(other)

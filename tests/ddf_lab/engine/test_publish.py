@@ -10,7 +10,6 @@ from ddf.core import storage
 from ddf_lab.engine import graph, publish, stage
 from ddf_lab.run import Run
 
-ROOT = Path(__file__).resolve().parents[3]
 STAGES = "{{of: [figures], each: [], command: x, sections: [figures], inputs: [{}], outputs: [{}]}}"
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from _fake_experiment import BENCHMARK, NUM_TRUTH, SIZES, FakeExperiment, nearest_train_image
+from _fake_experiment import NUM_TRUTH, SIZES, FakeExperiment, nearest_train_image
 
 from ddf.core import checks
 from ddf.data import packing
-from ddf.geometry import cameras, neighbours
+from ddf.geometry import cameras, neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
 
@@ -44,14 +44,15 @@ def _means(scores=NONE, cameras=NONE, shapes=NONE):
 
 def test_predicted_camera_columns_equal_a_comparison_in_camera_frames(experiment):
     ddf, _, truths = _load(experiment)
+    unit = transforms.BENCHMARK_FROM_V1
     for column, camera_name in (("Pi_pred", "camera_pred"), ("Pi_corrected", "camera_corrected")):
         row = 3
         shape = ddf.images[row][0]
         tensors = {name: value[row].astype(np.float64) for name, value in ddf.tensors.items() if value.shape[0] == 6}
         rotation, centre = cameras.extrinsics(*tensors[camera_name])
-        prediction = (BENCHMARK * tensors["scale_pred"] * tensors["L.h3"] - centre) @ rotation.T
+        prediction = (unit * tensors["scale_pred"] * tensors["L.h3"] - centre) @ rotation.T
         rotation, centre = cameras.extrinsics(*tensors["camera_true"])
-        truth = (BENCHMARK * truths[shape].points.astype(np.float64) - centre) @ rotation.T
+        truth = (unit * truths[shape].points.astype(np.float64) - centre) @ rotation.T
         placed = ddf.cloud("L.h3", row, column)
         got = cloud_scores.compare_clouds(placed, truths[shape].benchmark_points()).chamfer_l2_sq
         assert got == pytest.approx(_brute(prediction, truth), rel=1e-9)

@@ -1,12 +1,11 @@
 """The stages on a single shape end to end, on a tiny field: files, printed numbers."""
 
 import re
-import runpy
 from pathlib import Path
 
 import pytest
 import yaml
-from _experiment_report import markdown_tables
+from _experiment_report import make, markdown_tables
 from _shapes import torus
 from _tiny_fits import SECTION
 
@@ -17,12 +16,7 @@ from ddf_lab.evaluation import shape_fits
 from ddf_lab.report import shape_page, shape_views
 from ddf_lab.run import Run
 
-_STAGES = Path(__file__).resolve().parents[3] / "stages"
 _PAGE = {"README.md", "fit.csv", "ablate_samples.csv", "views.webp", "slices.webp", "losses.svg"}
-
-
-def _run(name):
-    runpy.run_path(str(_STAGES / f"{name}.py"))["make"](Run.read("tiny_fit.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +35,7 @@ def fitted_shape(tmp_path_factory):
         Path("torus.ply").write_bytes(mesh_io.ply_bytes(torus(sections=16)))
         Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": "torus.ply"}}))
         for name in ("fit_shape", "ablate_samples", "report_shape"):
-            _run(name)
+            make(name, Run.read("tiny_fit.yaml"))
         yield folder
 
 
