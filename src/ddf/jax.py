@@ -59,7 +59,7 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
     def ask(
         parameters: Parameters, positions: Any, directions: Any, pose: Any = None, latent: Any = None
     ) -> ddf_torch.Answer:
-        asked = (jnp.asarray(each) for each in (positions, directions))
+        asked = (jnp.asarray(each) * 1.0 for each in (positions, directions))  # whole numbers as real ones
         positions, directions = ddf_torch.broadcast(jnp.broadcast_arrays, *asked)
         to_field = jnp.asarray(field_from_mesh, positions.dtype)
         to_field = to_field if pose is None else to_field @ jnp.linalg.inv(jnp.asarray(pose))

@@ -46,9 +46,7 @@ class Completion:
 
     def save(self, folder: str | Path) -> None:
         """The field as a file of a folder that is made if needed: `ddf.load` reads it."""
-        from ddf.fit import completed_surface
-
-        completed_surface.save(completed_surface.field(self._network, self._found), Path(folder))
+        self.field.save(folder)
 
     def interval(
         self, positions: npt.ArrayLike, directions: npt.ArrayLike, share: float = 0.9

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import importlib
 import importlib.util
+import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, overload
@@ -88,7 +89,7 @@ class Field(queries.Queried):
         """
         asked, own = queries.require_oriented_points(positions, directions), getattr(self.weights, "seen", None)
         if own is None:
-            raise checks.InputError("the field was not fitted to rays, so that all of it is known")
+            raise checks.InputError("only patches that were fitted to rays know what was seen")
         return own(asked.positions, asked.directions)
 
     def save(self, folder: str | Path) -> Path:
@@ -117,7 +118,8 @@ class Field(queries.Queried):
             if path.suffix.lower() == ".html":
                 from ddf.io import viewer_page
 
-                viewer_page.write(path, viewer_page.field_page(viewer_page.field(Path(folder) / path.stem), path.stem))
+                shape = viewer_page.field(Path(folder) / path.stem)
+                viewer_page.write(path, viewer_page.field_page(shape, path.stem, self.up))
             else:
                 with extras.named():
                     from ddf.io import onnx_file
@@ -257,10 +259,10 @@ def fit(
     from ddf.api import meshes
     from ddf.fields import stored_fields
     from ddf.fields.grid import octree
-    from ddf.fit import patch_fitting
+    from ddf.fit import fit_folder, patch_fitting
     from ddf.geometry import posed_depth, scans
 
-    given = [] if rays is None else rays if isinstance(rays, list) else [rays]
+    given = [] if rays is None else list(rays) if isinstance(rays, list | tuple) else [rays]
     if (mesh is None) == (not given):
         raise checks.InputError("a field is fitted to a mesh or to rays")
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
@@ -281,6 +283,10 @@ def fit(
         else:
             patches = octree.PatchConfig.within(None if tolerance is None else float(tolerance))
             patch_fitting.fit(meshes.as_mesh(mesh), patches, Path(folder))
+        if out is not None and given and not any(isinstance(each, scans.Scan) for each in given):
+            told = Path(out) / fit_folder.METRICS  # as `ddf fit` does, for --onto
+            paths = [os.path.relpath(Path(each).resolve(), Path(out).resolve()) for each in given]
+            storage.write_json(told, storage.read_json(told) | {"rays": paths})
         shape = stored_fields.load(Path(folder))
     return Field(shape, None if out is None else Path(out))
 

@@ -26,7 +26,7 @@ class Reconstruction:
 
     Mesh and field are made when they are first asked for. points: (n, 3), the model's own cloud of the surface. camera:
       azimuth_deg, elevation_deg and radius from which the framed picture seems to be taken; radius in benchmark units,
-      0.57 times those of the frame. cameras: of every picture, with `unlike`. view: the object cut out and framed.
+      0.57 times those of the frame. cameras: of every picture, with `unlike_training`. view: the object, cut out.
     kind: what the model knows, by its name. unlike: the share of training images that are more usual than the
       picture; None where the model does not know. seconds: of each part that was made.
     """
@@ -189,6 +189,9 @@ def reconstructor(model: str | Path) -> Callable[..., Reconstruction]:
         background: str,
         cameras: str | Path | Sequence[Any] | Mapping[str, Any] | None = None,
     ) -> Reconstruction:
+        checks.require_whole("n", n, 2)
+        if not images or (mask is not None and len(images) > 1):
+            raise checks.InputError(f"{'a mask is of one picture' if images else 'no picture is given'}; give one")
         pictures = [cutouts.read(image, mask, background) for image in images]
         if isinstance(trained, line_field.TrainedImageDDF):
             told = None if cameras is None else given_cameras.read(cameras, images)

@@ -28,8 +28,8 @@ def depth_camera(
 
     Args:
       scene: a field, a `Scene`, or a mesh as of `cast`.
-      poses: (4, 4) or (k, 4, 4), camera to scene: it looks along its Z, X to the right, Y down. None: one that sees
-        the whole box of the scene.
+      poses: (4, 4) or (k, 4, 4), camera to scene: it looks along its Z, X to the right, Y down. None: one from
+        which a field of view of 50 degrees holds the whole box of the scene.
       size: pixels, (height, width) or both. intrinsics: (3, 3) in pixels, None for a field of view of 50 degrees.
       noise: standard deviation of a range, unit of the scene. outliers: share of hits whose range is any up to twice
         the true one. reach: larger ranges are misses. seed: of both.
@@ -46,9 +46,8 @@ def depth_camera(
       >>> scan.ranges.shape, bool(0.05 < scan.hit.mean() < 0.9)
       ((1024,), True)
     """
-    height, width = (size, size) if isinstance(size, int) else (int(side) for side in size)
-    if min(height, width) < 1:
-        raise checks.InputError(f"size must be 1 or more pixels; got {size}")
+    sides = (size, size) if isinstance(size, int | np.integer) else size
+    height, width = (checks.require_whole("size", side, 1) for side in sides)
     directions = scans.pixel_directions(
         height, width, sensors.default_intrinsics(height, width) if intrinsics is None else intrinsics
     )

@@ -159,5 +159,5 @@ PictureOutputs = Annotated[
 ]
 Up = Literal["y", "z"]
 Points = Annotated[int, Arg("N", ("-n", "--points"), like="n")]
-Seed = Annotated[int, Arg("S")]
+Seed = Annotated[int, Arg("S", parse=whole_number(0))]
 Natural = Annotated[int, Arg("N", parse=whole_number(1))]

@@ -78,7 +78,7 @@ def fit(
         if of_rays:
             found, sources = _sensed(given)
             result = patch_fitting.fit_rays(found.scan, tolerance, out, sources, sensed=found.sensed, force=force)
-            return _of_rays(found, given, out, result, f"{result['patches']:,} patches, {result['bytes']:,} bytes")
+            return _of_rays(found, given, out, up, result, f"{result['patches']:,} patches, {result['bytes']:,} bytes")
         from ddf.fields.grid import octree
 
         patches = octree.PatchConfig.within(tolerance)
@@ -99,7 +99,7 @@ def fit(
     if of_rays:
         found, sources = _sensed(given, network=True)
         result = fitting.fit(found.scan, settings, out, sources, threads=used, force=force)
-        return _of_rays(found, given, out, result, f"{result['steps']:,} steps{_few(result['steps'])}")
+        return _of_rays(found, given, out, up, result, f"{result['steps']:,} steps{_few(result['steps'])}")
     loaded = mesh_io.load_surface(mesh)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
@@ -141,14 +141,14 @@ def _sensed(given: list[Path], network: bool = False) -> tuple["posed_depth.Sens
 
 
 def _of_rays(
-    found: "posed_depth.Sensed", given: list[Path], out: Path, result: dict[str, Any], spent: str
+    found: "posed_depth.Sensed", given: list[Path], out: Path, up: arguments.Up, result: dict[str, Any], spent: str
 ) -> dict[str, Any]:
-    """The result of a fit to rays with a table and a verdict; fit.json names them for `--onto`."""
+    """The result of a fit to rays with a table and a verdict; fit.json names them for `--onto`, and what is up."""
     from ddf.core import storage
     from ddf.fit import fit_folder
 
     already, off = result.pop("already"), result["held_out"]
-    result["rays"] = [os.path.relpath(each, out) for each in given]
+    result |= {"rays": [os.path.relpath(each.resolve(), out.resolve()) for each in given], "up": up}
     storage.write_json(out / fit_folder.METRICS, result)
     return {
         **result,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ddf.cli import arguments, results
-from ddf.cli.arguments import ModelPath, OutFolder, Points
+from ddf.cli.arguments import ModelPath, OutFolder, Points, Seed
 from ddf.cli.declare import Arg, command
 from ddf.core import errors, shipped_models
 
@@ -89,7 +89,7 @@ def reconstruct(
     mask: Annotated[Path | None, Arg("FILE")] = None,
     background: Annotated[str, Arg("HOW")] = "auto",
     points: Points = 5000,
-    seed: int = 0,
+    seed: Seed = 0,
     together: bool = False,
     cameras: Annotated[Path | None, Arg("FILE")] = None,
 ) -> dict[str, Any]:
@@ -119,6 +119,8 @@ def reconstruct(
 
     if mask is not None and len(images) > 1:
         raise errors.InputError("--mask is of one picture; give one")
+    if cameras is not None and len(images) > 1 and not together:
+        raise errors.InputError("--cameras is of one picture or, with --together, of several of one object")
     groups = [images] if together else [[image] for image in images]
     outs = [out] if together else _folders(images, out)
     results.show_parts()
@@ -131,7 +133,7 @@ def reconstruct(
     seconds = round(time.monotonic() - cli.STARTED, 1)
     found = {"command_seconds": seconds, "table": lines, "verdict": f"{len(made)} pictures after {seconds} s"}
     alone = {"table": {}, "verdict": f"{lines[0]} after {seconds} s"}
-    return found | made[0] | alone if len(made) == 1 else found | {"images": made}
+    return found | {"images": made} | (made[0] | alone if len(made) == 1 else {})
 
 
 def _folders(images: Sequence[Path], out: Path) -> list[Path]:
@@ -170,7 +172,7 @@ def complete(
     noise: float = 0.0,
     image: Annotated[Path | None, Arg("IMAGE.png")] = None,
     points: Points = 5000,
-    seed: int = 0,
+    seed: Seed = 0,
 ) -> dict[str, Any]:
     """The whole object, and its pose, from a depth image or a lidar scan of it.
 
@@ -236,7 +238,7 @@ def generate(
     out: OutFolder,
     *,
     samples: Annotated[int, Arg(None, ("-n", "--samples"), arguments.whole_number(1, 1000), like="n")] = 8,
-    seed: Annotated[int, Arg(parse=arguments.whole_number(0))] = 0,
+    seed: Seed = 0,
 ) -> dict[str, Any]:
     """Samples of a trained model: fields, normals, and the images of an image GAN.
 
@@ -267,7 +269,8 @@ def generate(
         dataclasses.replace(shape, record={"seed": seed}).save(folder)
         for name, picture in seen.items():
             storage.write_bytes(folder / f"{name}.png", results.encode([picture], ".png"))
-    made = {"samples": _rows(looks)}
+    per_line = max(_PER_LINE, -(-samples * len(looks[0]) // 80))  # a WebP has 16,383 lines of pixels at most
+    made = {"samples": _rows(looks, per_line)}
     if samples > 1:
         ends = [generated_images.between((each[0], each[1]), _INTERPOLATED) for each in (latents, textures)]
         steps = [_look(drawn, drawn.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
@@ -301,9 +304,7 @@ def _look(
     return found
 
 
-def _rows(
-    looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int = _PER_LINE
-) -> "list[picture_strips.Row]":
+def _rows(looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int) -> "list[picture_strips.Row]":
     """Lines of shapes, each above that of its images."""
     import numpy as np
 
@@ -345,6 +346,8 @@ def export(
     name = graph or next(iter(graphs))
     if name not in graphs:
         raise errors.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
+    if outputs is not None and name != "field":
+        raise errors.InputError(f"--outputs is of the graph field, this one is {name}")
     rows = onnx_file.export(graphs[name], name, out, source, settings)
     parity = onnx_file.figures(rows)
     worst = max(parity, key=lambda output: parity[output]["max_abs"])

@@ -26,8 +26,9 @@ _MOST_PIXELS = 2**26  # of all frames
 _PAGE = ".html"
 _NAMED = 4  # fields of a title
 _MODELS = ("ddf", "ddf_image")  # kinds of files of models that make a field of a picture
-_TAKEN = (".png", ".webp", ".jpg", ".jpeg", ".gif")  # pictures
+_TAKEN = (".png", ".webp", ".jpg", ".jpeg", ".gif", ".bmp")  # pictures
 _SAMPLE = "sample_0.png"  # beside a model
+_OF_TWO = ("weight_1", "normals_1", "normals_2")  # outputs of two components
 
 
 @command("field", api="queries:render")
@@ -93,12 +94,13 @@ def render(
     _require_holds(out, suffix, outputs, {"fly": fly, "turn": turn}, ao, bits)
     if (pixels := size**2 * (fly or turn or 1)) > _MOST_PIXELS:
         raise errors.InputError(f"{out}: {pixels:,} pixels of all frames; at most {_MOST_PIXELS:,}")
-    shown = _opened(field, up)
-    if outputs == (arguments.SHADED,):
+    shown, shaded = _opened(field, up), outputs == (arguments.SHADED,)
+    needed, there = ("depth", "normals") if shaded else outputs, shown.shape.outputs
+    if lacking := [name for name in needed if name not in there]:
+        components = "; patches have one component, networks two" * (lacking[0] in _OF_TWO)
+        raise errors.InputError(f"{field}: has no {', '.join(lacking)}{components}; it has {', '.join(there)}")
+    if shaded:
         return _shaded(shown, out, camera, size, turn, ao or 0)
-    if lacking := ", ".join(name for name in outputs if name not in shown.shape.outputs):
-        components = "patches have one component, networks two: weight_1, normals_1, normals_2"
-        raise errors.InputError(f"{field}: has no {lacking} ({components}); it has {', '.join(shown.shape.outputs)}")
     started, names = time.monotonic(), {"visibility", *outputs}
     around = _around(shown, camera, turn)
     frames = [] if fly else [framed_field.render(shown.shape, each, size, names, shown.up)[0] for each in around]
@@ -383,6 +385,7 @@ def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]
             yield from (_reconstructed(picture, file.parent) for picture in pictures or [file.parent / _SAMPLE])
             pictures = []
         else:
+            shipped_models.require(path, "field", "reconstruction")
             known[path] = known.get(path) or viewer_page.field(path)
             yield viewer_page.name_of(path), known[path], viewer_page.ABOUT
     if pictures:

@@ -2,15 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ddf.core import storage
-from ddf.fields import cloud_projection, field_file, pddf, rendering, shape_field
+from ddf.fields import cloud_projection, pddf, rendering, shape_field
 from ddf.fit import completion
 from ddf.geometry import neighbours, rays, scans
 
@@ -129,8 +127,3 @@ def along_rays(
     both[:, meets] = intervals(network, found, starts, looking, share)
     low, high = (both + way) * found.scan_from_field.scale
     return low, high
-
-
-def save(shape: shape_field.ShapeField, folder: Path) -> None:
-    """Write the field like `ddf fit` does, so that `ddf.load` reads the folder."""
-    storage.save_tensors(folder / field_file.MODEL, shape.field.state_dict(), shape.record)

@@ -97,8 +97,8 @@ class Completed:
     residuals: range seen minus range of the field, unit of the scan, of every ray of the scan that meets the cube
     and that both see; NaN elsewhere. explained: share of hits in the cube within three `width` of the field's.
     scatter: mean distance of these hits from the field's along the ray, field units, whether it sees anything or not.
-    likeness: the probability that the object is of the model's kind (`_likeness`). loss: that of the descent. width: b,
-    field units, with the sensor's noise.
+    likeness: the probability that the object is of the model's kind (`_likeness`). width: b, field units, with the
+    sensor's noise.
     """
 
     scan_from_field: transforms.Similarity
@@ -108,7 +108,6 @@ class Completed:
     explained: float
     scatter: float
     likeness: float
-    loss: float
     width: float
 
 
@@ -178,13 +177,13 @@ def complete(
     seen = _evidence(scan, scan_from_field, generator, prior.mean)
     hits = seen.hits().points() if doubt is not None and doubt.growth else None
     problem = _Problem(model, prior, width, config, hits=hits)
-    best, loss, sample = _likeliest(problem, [seen], doubt, latent, generator)
+    best, sample = _likeliest(problem, [seen], doubt, latent, generator)
     pose = scan_from_field.compose(_similarity(best.at(0)))
     spread = _open(problem, sample.some((0, 0)), best, generator)
     modulations = [each.detach()[0] for each in model.modulations(prior.latents(best.u))]
     samples = [each.detach() for each in model.modulations(prior.latents(spread))]
     told = _residuals(problem, scan, pose, modulations)
-    return Completed(pose, modulations, samples, *told, _likeness(problem, best, sample), float(loss), width)
+    return Completed(pose, modulations, samples, *told, _likeness(problem, best, sample), width)
 
 
 def find(
@@ -220,7 +219,7 @@ def guess(scan: scans.Scan, up: Float[np.ndarray, "3"] | None = None) -> transfo
     where there are too few. up: unit vector of the scan's frame; None is that of the mean camera that took it.
     """
     if scan.hit.sum() < FEWEST_HITS:
-        raise checks.InputError(_why_none(scan, scan.ranges, transforms.Similarity()))
+        raise checks.InputError(_why_none(scan, transforms.Similarity()))
     lower, upper = np.quantile(scan.points, [_STRAY, 1 - _STRAY], axis=0)
     up = np.array([0.0, -math.cos(_DOWN), -math.sin(_DOWN)]) if up is None else up
     ahead = np.eye(3)[int(np.argmin(np.abs(up)))]
@@ -243,7 +242,7 @@ def _evidence(
     inner_near, inner_far = rays.box_span(positions, directions, -corner / _CROP, corner / _CROP)
     free = (inner_near <= inner_far) & (ranges > far)
     if inside.sum() < FEWEST_HITS:
-        raise checks.InputError(_why_none(scan, ranges, inverse))
+        raise checks.InputError(_why_none(scan, inverse))
     chosen = []
     for sort in (inside, free):
         index = np.flatnonzero(sort)
@@ -254,7 +253,7 @@ def _evidence(
     return _Rays(*(torch.from_numpy(each).to(like) for each in (positions[index], directions[index], kept)))
 
 
-def _why_none(scan: scans.Scan, ranges: np.ndarray, field_from_scan: transforms.Similarity) -> str:
+def _why_none(scan: scans.Scan, field_from_scan: transforms.Similarity) -> str:
     """Why a scan says nothing, with what to do."""
     count = int(scan.hit.sum())
     if count < FEWEST_HITS:
@@ -382,13 +381,13 @@ def _similarity(state: _State) -> transforms.Similarity:
 
 def _likeliest(
     problem: _Problem, many: Sequence[_Rays], doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
-) -> tuple[_State, Float[Tensor, "objects"], _Rays]:
-    """The best state of each object, its loss, and the rays that these were told by."""
+) -> tuple[_State, _Rays]:
+    """The best state of each object, and the rays that these were told by."""
     state = _descend(problem, many, _starts(problem, many, doubt, latent, generator), doubt, generator)
     sample = _pick(many, 4 * problem.config.rays, generator)
     with torch.no_grad():
         loss = problem.loss(state, sample)
-    return state.best(loss, 1).at((slice(None), 0)), loss.amin(-1), sample
+    return state.best(loss, 1).at((slice(None), 0)), sample
 
 
 def _starts(

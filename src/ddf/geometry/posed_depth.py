@@ -108,7 +108,7 @@ def read(path: Path) -> Sensed:
     length = np.linalg.norm(normals, axis=1)
     kept &= length > 0
     ways = -normals[kept] / length[kept, None]
-    above = _ABOVE * float(np.ptp(points[kept], axis=0).max(initial=0.0))
+    above = _ABOVE * float(np.ptp(points[kept], axis=0).max()) if kept.any() else 0.0
     if not above > 0:
         raise checks.InputError(f"{path}: its points with normals span nothing")
     scan = scans.Scan(points[kept] - above * ways, ways, np.full(len(ways), above))
@@ -140,7 +140,7 @@ def _folder(path: Path) -> Sensed:
             raise checks.InputError(f"{path}: a folder of depth images has {wanted}; this one has none of them")
         return Sensed(_joined([scans.read(each) for each in files]), "scans", len(files))
     if not frames:
-        raise checks.InputError(f"{path}: none of its depth images has a pose")
+        raise checks.InputError(f"{path}: no depth image has a pose; nerfstudio's frames name theirs, depth_file_path")
     every = math.ceil(math.sqrt(len(frames) * _steps(frames[0].file).size / _MOST))
     try:
         return Sensed(_joined([_frame(each, every) for each in frames]), kind, len(frames))
@@ -316,7 +316,8 @@ def _bin(path: Path) -> _Cloud:
 def _pcd(path: Path) -> _Cloud:
     from ddf.core import extras
 
-    head = path.read_bytes()[:4096]
+    with path.open("rb") as file:
+        head = file.read(4096)
     with extras.named():
         import open3d as o3d
 

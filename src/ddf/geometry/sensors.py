@@ -72,7 +72,7 @@ def fan(
         raise checks.InputError(f"elevation and azimuth must be two angles each, in degrees; got {spans}")
     up = np.radians(np.linspace(elevation_deg[0], elevation_deg[1], beams))
     turns = np.radians(
-        np.linspace(azimuth_deg[0], azimuth_deg[1], columns, endpoint=azimuth_deg[1] - azimuth_deg[0] < 360)
+        np.linspace(azimuth_deg[0], azimuth_deg[1], columns, endpoint=abs(azimuth_deg[1] - azimuth_deg[0]) < 360)
     )
     turn, up = (each.ravel() for each in np.meshgrid(turns, up, indexing="ij"))
     return np.stack((np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)), axis=-1)

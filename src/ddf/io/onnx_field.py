@@ -16,7 +16,6 @@ from ddf.core import checks
 from ddf.fields import field_outputs, framed_field
 from ddf.geometry import transforms
 
-SUFFIX = ".onnx"
 _LARGEST = 256 << 20  # bytes of a file
 _FEW = 400 << 20  # bytes of memory that any file may take; a larger one a hundred times its own
 _ROWS = 4096  # at once, for memory alone

@@ -165,8 +165,6 @@ def side_by_side(title: str, shapes: "Sequence[tuple[str, Shape]]", up: str = "y
     Longest sides of their boxes are made equal to that of the first; the boxes stand on one floor, in the unit of the
     first. A field that stands there several times, under any name, is in the page once.
     """
-    if not shapes:
-        raise checks.InputError("a row needs at least one field; got none")
     boxes = [corners(shape) for _, shape in shapes]
     baked = {id(shape): bake(shape, name) for name, shape in shapes}
     side = float(np.ptp(boxes[0], axis=0).max())

@@ -143,8 +143,13 @@ def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
 
     bent = tuple(length(name, -np.inf) if name in said else 0.0 for name in _BENT)
     if "fl_x" not in said:
-        focal = 0.5 / np.tan(length("camera_angle_x") / 2)
-        return Pinhole(pose, (focal, focal, None, None), bent, None, where)
+        angle = length("camera_angle_x")
+        if not angle < np.pi:
+            raise checks.InputError(f"{where}: camera_angle_x of its lens is in radians, below pi; got {angle:g}")
+        focal = 0.5 / np.tan(angle / 2)
+        if "w" not in said:
+            return Pinhole(pose, (focal, focal, None, None), bent, None, where)
+        said["fl_x"] = focal * length("w")
     width = length("w")
     f_x, f_y, c_x, c_y, height = (length(name) / width if name in said else None for name in _LENGTHS)
     assert f_x is not None

@@ -34,7 +34,7 @@ def test_ranges_and_incidence_on_a_sphere_are_those_of_the_closed_form(kind):
 
 
 def test_what_no_sensor_is_is_refused():
-    with pytest.raises(checks.InputError, match="size must be 1 or more"):
+    with pytest.raises(checks.InputError, match="size must be a whole number, 1 or more"):
         ddf.depth_camera(SPHERE, size=0)
     with pytest.raises(checks.InputError, match="a pose must be a 4x4 matrix"):
         ddf.lidar(SPHERE, np.eye(3))

@@ -164,7 +164,7 @@ def test_interval_of_one_sure_shape_is_that_of_its_blur():
     model, prior, shape = _chair()
     own, scatter = _modulations(model, prior), 0.02
     many = [each.expand(8, 1, -1) for each in own]
-    found = completion.Completed(PLACE, own, many, np.zeros(0), 1.0, scatter, 1.0, 0.0, 0.03)
+    found = completion.Completed(PLACE, own, many, np.zeros(0), 1.0, scatter, 1.0, 0.03)
     scan = _scan(shape, 24)
     ends = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
     low, high = ends
@@ -187,7 +187,7 @@ def test_intervals_of_several_shapes_hold_their_share_of_what_is_drawn_from_them
     model, prior, _ = _chair()
     latents = prior.latents(0.3 * torch.randn(6, 32, generator=torch.Generator().manual_seed(1)))
     samples = [each.detach() for each in model.modulations(latents)]
-    found = completion.Completed(PLACE, [each[0] for each in samples], samples, np.zeros(0), 1.0, 0.03, 1.0, 0.0, 0.03)
+    found = completion.Completed(PLACE, [each[0] for each in samples], samples, np.zeros(0), 1.0, 0.03, 1.0, 0.03)
     positions, directions = torch.tensor([[0.1, 0.2, 1.0]]), torch.tensor([[0.0, 0.0, -1.0]])
     with torch.no_grad():
         raw = model.field(positions.expand(6, 1, 3), directions.expand(6, 1, 3), samples)

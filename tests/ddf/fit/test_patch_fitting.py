@@ -154,13 +154,15 @@ def test_rays_are_added_to_those_of_a_field(tmp_path, capsys):
     for part, kept in zip(parts, (scan.positions[:, 2] > 0, scan.positions[:, 2] <= 0), strict=True):
         scans.write(scan.some(kept), part)
     first, field, both = (str(tmp_path / name) for name in ("first", "field", "both"))
-    assert cli.main(["fit", str(parts[0]), first]) == 0
+    assert cli.main(["fit", str(parts[0]), first, "--up", "z"]) == 0 and ddf.load(first).up == "z"
     assert not ddf.load(first).seen(below, -below).any()
     for out in (field, field, first):  # into a folder, once more, and into its own
         assert cli.main(["fit", str(parts[1]), out, "--onto", first]) == 0
     assert "made before" in capsys.readouterr().out
     assert json.loads((tmp_path / "first/fit.json").read_text())["rays"] == ["../above.npz", "../below.npz"]
     whole = ddf.fit(rays=[scans.read(parts[0]), str(parts[1])], out=both)
+    ddf.fit(rays=(str(parts[0]),), out=tmp_path / "python")
+    assert cli.main(["fit", str(parts[1]), str(tmp_path / "more"), "--onto", str(tmp_path / "python")]) == 0
     starts, ways = scan.positions[::9], scan.directions[::9]
     for other in (field, first):
         assert np.array_equal(ddf.load(other).query(starts, ways)["depth"], whole.query(starts, ways)["depth"])

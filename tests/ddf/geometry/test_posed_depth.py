@@ -169,6 +169,9 @@ def test_pcd(tmp_path: Path, encoding: str) -> None:
 
 
 def test_ply_with_normals_needs_no_sensor(tmp_path: Path) -> None:
+    (tmp_path / "none.ply").write_bytes(mesh_io.points_ply(POINTS.astype(float), np.zeros((4, 3))))
+    with pytest.raises(checks.InputError, match=r"none.ply: its points with normals span nothing"):
+        posed_depth.read(tmp_path / "none.ply")
     normals = np.tile([0.0, 0, 2.0], (4, 1))
     (tmp_path / "cloud.ply").write_bytes(mesh_io.points_ply(POINTS.astype(float), normals))
     found = posed_depth.read(tmp_path / "cloud.ply")

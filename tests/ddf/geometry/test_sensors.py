@@ -13,6 +13,7 @@ def test_fan_has_the_beams_of_every_column_and_no_direction_twice():
     np.testing.assert_allclose(np.degrees(np.arcsin(directions[:3, 2])), [-30, 0, 30], atol=1e-12)
     turns = np.degrees(np.arctan2(directions[1::3, 1], directions[1::3, 0])) % 360
     np.testing.assert_allclose(np.sort(turns), 45 * np.arange(8), atol=1e-9)
+    assert len(np.unique(sensors.fan(1, 8, (0.0, 0.0), (180.0, -180.0)).round(9), axis=0)) == 8
 
 
 @pytest.mark.parametrize(("axes", "ahead"), [(sensors.CAMERA, 2), (sensors.LIDAR, 0)])

@@ -62,7 +62,6 @@ def test_pages_of_nothing_and_of_files_without_weights_are_refused(tmp_path):
     for call, error in (
         (lambda: viewer_page.field(tmp_path / "field.onnx"), "folder"),
         (lambda: views.page_of([tmp_path]), "sample_0"),
-        (lambda: viewer_page.side_by_side("row", []), "one field"),
     ):
         with pytest.raises(checks.InputError, match=error):
             call()

@@ -156,6 +156,7 @@ SHEARED, AWAY, WITHIN = np.eye(4), np.eye(4), np.eye(4)
 SHEARED[0, 1] = 0.1
 AWAY[2, 3], WITHIN[2, 3] = -2.0, 0.3
 LENS = {"fl_x": 300.0, "w": 420}
+WIDE = {"camera_angle_x": 1.2, "w": 420}
 
 
 @pytest.mark.parametrize(
@@ -173,6 +174,8 @@ LENS = {"fl_x": 300.0, "w": 420}
         ([{"camera_to_world": SHEARED.tolist(), **LENS}], "shears or mirrors"),
         ([{"camera_to_world": np.diag([2.0, 2, 2, 1]).tolist(), **LENS}], "must turn and move alone; it scales by 2"),
         ([{"camera_to_world": np.eye(4).tolist()}], "camera_angle_x of its lens is a number > 0; got None"),
+        ([{"camera_to_world": np.eye(4).tolist(), "camera_angle_x": 40.0}], "in radians, below pi; got 40"),
+        ([{"camera_to_world": np.abs(AWAY).tolist(), **WIDE, "h": 420}], "w and h are not of the picture's shape"),
         ([{"camera_to_world": np.eye(4).tolist(), "fl_x": 300.0}], "w of its lens"),
         ([{"camera_to_world": np.eye(4).tolist(), **LENS, "camera_model": "OPENCV_FISHEYE"}], "FISHEYE is not read"),
         ([{"camera_to_world": AWAY.tolist(), **LENS}], "does not look at the object"),

@@ -28,6 +28,7 @@ FLAT = 0.01  # of the diagonal: a box whose shortest side is shorter holds a she
 NEAR = 0.003  # of the diagonal: copies, also coarser or of another hand, are nearer; two types of airliner are not
 FACES = 50_000  # that are kept; the stage `meshes` keeps fewer
 _AXIS = re.compile(r"[+-]?[xyz]", re.IGNORECASE)
+_WORDS = {"up": ("axis", _AXIS), "front": ("axis", _AXIS), "split": ("side", re.compile("train|validation|test"))}
 _HIDDEN = re.compile(r"\.|__MACOSX")
 
 Entry = dict[str, str]
@@ -50,9 +51,9 @@ def listed(source: Path, given: Mapping[str, str]) -> list[Entry]:
         folder = Path(line["file"]).parent.name
         category = line["category"] or (folder if folder in shapenet.SYNSETS else wanted)
         shapenet.check_name(category, f"{table}: {line['file']}: give --category, or a column `category`")
-        words = {name for name in ("up", "front") if line.get(name) and not _AXIS.fullmatch(line[name])}
+        words = {name for name, (_, known) in _WORDS.items() if line.get(name) and not known.fullmatch(line[name])}
         said = {name: value for name, value in line.items() if value and name not in words}
-        note = "; ".join(f"{name} {line[name]!r} is no axis" for name in sorted(words))
+        note = "; ".join(f"{name} {line[name]!r} is no {_WORDS[name][0]}" for name in sorted(words))
         fixed = {"file": str((table.parent / line["file"]).resolve()), "category": category, "note": note}
         if wanted in ("", category):
             found.append(dict.fromkeys(manifest.COLUMNS, "") | dict(given) | said | fixed)
@@ -132,7 +133,8 @@ def add(out: Path, source: Path, given: Mapping[str, str]) -> tuple[list[Entry],
     """
     wanted, table, taken, left_out = listed(source, given), out / manifest.FILE, dict[str, Entry](), list[str]()
     before = manifest.entries(table) if table.is_file() else []
-    sides, files = {entry["id"]: entry["split"] for entry in before}, {entry["file"] for entry in wanted}
+    sides = {entry["id"]: entry["split"] for entry in before}
+    files = {entry["file"] for entry in wanted if Path(entry["file"]).is_file()}  # one that is gone stays as it was
     others = [entry for entry in before if entry["file"] not in files]
     known = of_others({entry["category"] for entry in wanted})
     known += [Known(entry["id"], mesh_io.load(place(out, entry))) for entry in others]

@@ -61,6 +61,7 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
     lower, upper = field.box
     assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
+    assert json.loads((out / "camera.json").read_text())["verdict"] == result["images"][0]["verdict"]
     assert 0.65 <= result["camera"]["radius"] <= 0.95
     assert 0.8 < result["silhouette_iou"] < 1
     assert result["command_seconds"] > sum(result["seconds"].values()) and "picture" in result["seconds"]
@@ -78,6 +79,13 @@ def test_how_many_points_are_asked_for_changes_no_field():
 
 def test_several_images_get_a_folder_each(model_dir, image, tmp_path, answer):
     other = shutil.copy(image, tmp_path / "two.png")
+    for given, mask, n, told in (
+        ([], None, 2, "no picture is given"),
+        ([image, other], image, 2, "a mask is of one picture; give one"),
+        ([image], None, 1, "n must be a whole number, 2 or more"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            ddf.reconstruct(given, model_dir, n, mask=mask)
     found = answer("reconstruct", image, other, model_dir, tmp_path / "out", "-n", 300)["images"]
     assert [entry["out"] for entry in found] == [(tmp_path / "out" / name).as_posix() for name in ("one", "two")]
     assert (tmp_path / "out" / "two" / "cloud.ply").exists()

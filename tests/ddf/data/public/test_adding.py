@@ -85,18 +85,21 @@ def test_an_edited_manifest_is_read_again_and_others_stay(folder, tmp_path):
     (again,), left_out = _add(out, out, category="chair")
     assert (again["front"], again["split"], left_out) == ("-x", "test", []) and len(_table(out / "manifest.csv")) == 2
     np.testing.assert_allclose(mesh_io.load(adding.place(out, again)).vertices, before * [-1, 1, -1], atol=1e-7)
+    (tmp_path / "bench" / "long.ply").unlink()
+    _, (left_out,) = _add(out, out)  # whose mesh is kept, perhaps as the last one
+    assert "long.ply: " in left_out and len(_table(out / "manifest.csv")) == len([*out.glob("bench/*.ply")]) + 1 == 2
 
 
 def test_a_manifest_gives_category_axes_and_makers_and_words_are_noted(folder, tmp_path):
     (folder / "chair").mkdir()
     (folder / "a chair.glb").rename(folder / "chair" / "a.glb")
-    lines = "file,author,front,up\nchair/a.glb,Ann,varies,+Z\npublic.ply,Bob,y,z\n"
+    lines = "file,author,front,up,split\nchair/a.glb,Ann,varies,+Z,val\npublic.ply,Bob,y,z,\n"
     (folder / "manifest.csv").write_text(lines)
     with pytest.raises(checks.InputError, match=r"public.ply: give --category, or a column `category`"):
         _add(folder, tmp_path / "out")
     (entry,), left_out = _add(folder, tmp_path / "out", category="chair")
     assert (entry["author"], entry["front"], entry["up"]) == ("Ann", "x", "+Z") and len(left_out) == 1
-    assert entry["note"] == "front 'varies' is no axis"
+    assert entry["note"] == "front 'varies' is no axis; split 'val' is no side"
     (folder / "manifest.csv").write_text("file,front,up\nchair/a.glb,x,-X\n")
     for category, reason in (("car", "has no mesh of category car"), ("", "not one of 1 meshes can be used")):
         with pytest.raises(checks.InputError, match=reason):
