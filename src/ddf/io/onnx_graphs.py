@@ -144,8 +144,8 @@ class ViewsGraph(Graph):
 class RaysGraph(Graph):
     """The decoder of a model with image features: an image, what `ViewsGraph` makes of it, and oriented points.
 
-    All places are evaluated, and those that project on transparent pixels emptied afterwards: a graph has no use for
-    fewer rows.
+    All places are evaluated, and those that project on transparent pixels or lie behind p emptied afterwards: a graph
+    has no use for fewer rows.
     """
 
     what = "directed distance field of the shape in one image: oriented points to visibility and depth"
@@ -205,7 +205,7 @@ class RaysGraph(Graph):
         seen = cameras.project(at[None] * line_field.BENCHMARK_FROM_FIELD, *cameras.extrinsics(*camera.unbind(-1)))
         pixels = torch.stack(seen, dim=-1)[None] / cameras.CENTRE_PX - 1
         shown = functional.grid_sample(opaque[None], pixels, mode="nearest", align_corners=False)[0, 0, 0] > 0
-        may = shown.view(-1, self.decoder.places) & meets[:, None]
+        may = shown.view(-1, self.decoder.places) & meets[:, None] & (middle + 0.5 * step[:, None] > 0)
         logits, places = answers.view(-1, self.decoder.places, 2).unbind(-1)
         hits = middle + (torch.where(may, places, 0.5) - 0.5) * step[:, None]
         return line_field.Parts(hits[None], torch.where(may, logits, line_field.EMPTY)[None], entry[None], step[None])
