@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import importlib
 import importlib.util
-import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, overload
@@ -285,7 +284,7 @@ def fit(
             patch_fitting.fit(meshes.as_mesh(mesh), patches, Path(folder))
         if out is not None and given and not any(isinstance(each, scans.Scan) for each in given):
             told = Path(out) / fit_folder.METRICS  # as `ddf fit` does, for --onto
-            paths = [os.path.relpath(Path(each).resolve(), Path(out).resolve()) for each in given]
+            paths = posed_depth.seen_from(Path(out), [Path(each) for each in given])
             storage.write_json(told, storage.read_json(told) | {"rays": paths})
         shape = stored_fields.load(Path(folder))
     return Field(shape, None if out is None else Path(out))

@@ -146,9 +146,10 @@ def _of_rays(
     """The result of a fit to rays with a table and a verdict; fit.json names them for `--onto`, and what is up."""
     from ddf.core import storage
     from ddf.fit import fit_folder
+    from ddf.geometry import posed_depth
 
     already, off = result.pop("already"), result["held_out"]
-    result |= {"rays": [os.path.relpath(each.resolve(), out.resolve()) for each in given], "up": up}
+    result |= {"rays": posed_depth.seen_from(out, given), "up": up}
     storage.write_json(out / fit_folder.METRICS, result)
     return {
         **result,

@@ -16,6 +16,7 @@ seen from just above each point.
 """
 
 import math
+import os
 import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
@@ -113,6 +114,11 @@ def read(path: Path) -> Sensed:
         raise checks.InputError(f"{path}: its points with normals span nothing")
     scan = scans.Scan(points[kept] - above * ways, ways, np.full(len(ways), above))
     return Sensed(scan, "points with normals", 1, sensed=False)
+
+
+def seen_from(folder: Path, paths: Sequence[Path]) -> list[str]:
+    """Paths of rays as fit.json of a field's folder has them, for `ddf fit --onto`."""
+    return [os.path.relpath(path.resolve(), folder.resolve()) for path in paths]
 
 
 def together(found: Sequence[Sensed]) -> Sensed:

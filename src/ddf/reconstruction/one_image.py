@@ -13,7 +13,6 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from ddf.core import checks
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, framed_field, model_files, pddf, shape_field
 from ddf.models import reconstruction_models, reconstruction_settings
@@ -71,8 +70,6 @@ def reconstruct(
     Args:
       pixels: of `cutouts.read`. points: that the cloud must have, 2 or more.
     """
-    if points < 2:
-        raise checks.InputError(f"the number of points must be >= 2; got {points}")
     model, image_size, statistics = trained
     seconds: dict[str, float] = {}
     cutout = framing.Cutout(pixels)

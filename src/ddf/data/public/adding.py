@@ -28,7 +28,7 @@ FLAT = 0.01  # of the diagonal: a box whose shortest side is shorter holds a she
 NEAR = 0.003  # of the diagonal: copies, also coarser or of another hand, are nearer; two types of airliner are not
 FACES = 50_000  # that are kept; the stage `meshes` keeps fewer
 _AXIS = re.compile(r"[+-]?[xyz]", re.IGNORECASE)
-_WORDS = {"up": ("axis", _AXIS), "front": ("axis", _AXIS), "split": ("side", re.compile("train|validation|test"))}
+_WORDS = {"up": ("axis", _AXIS), "front": ("axis", _AXIS), "split": ("side", re.compile("|".join(manifest.SPLITS)))}
 _HIDDEN = re.compile(r"\.|__MACOSX")
 
 Entry = dict[str, str]
