@@ -28,7 +28,8 @@ _LEAST = 0.05  # of the median weight: that of a node that f is known at
 _NEAR = 2.0  # cells: how far off f is known
 _BESIDE = 1.1  # widths: a node so far beside the hits that its planes are of is not on the surface, if rays passed it
 _CLOSED, _BLIND = 4, 2  # cells around hits in which what is open is closed; where no ray tells what is empty
-_STRAY_CELLS, _STRAY = 64, 3  # along the longest side; hits fewer than this in 27 cells are strays
+_STRAY_CELLS = 64  # along the longest side of the hits
+_STRAY, _STRAY_SHARE, _STRAY_MOST = 3, 0.04, 10  # strays: fewer hits in 27 cells than the share of the median, in bounds
 _LINE, _POINT = 1e-4, 1e-9  # of the length and of the coordinates: hits that are less wide span nothing
 _ALONE = 8.5  # what a ray or two add up to in 27 nodes
 _FEW = 0.2  # of the median number of rays through a node
@@ -105,11 +106,13 @@ def without_strays(scan: scans.Scan) -> scans.Scan:
         counts = np.zeros(place.max(axis=0) + 1)
         np.add.at(counts, tuple(place.T), 1)
         around = ndimage.uniform_filter(counts, 3, mode="constant") * 27
-        together = around[tuple(place.T)] > _STRAY + 0.5
+        near = around[tuple(place.T)]
+        least = float(np.clip(_STRAY_SHARE * np.median(near), _STRAY, _STRAY_MOST))
+        together = near > least + 0.5
         kept, found = np.flatnonzero(scan.hit)[inside][together], points[inside][together]
         if len(kept) < FEWEST:
-            near = f"{len(kept)} have {_STRAY} others within {1.5 * side:.3g}"
-            raise checks.InputError(f"of {len(points)} hits {near}: too far apart for a surface")
+            told = f"{len(kept)} have {least:.0f} others within {1.5 * side:.3g}"
+            raise checks.InputError(f"of {len(points)} hits {told}: too far apart for a surface")
         wide = np.sqrt(np.linalg.eigvalsh(np.cov(found.T)).clip(0))
         if wide[1] <= max(_LINE * wide[2], _POINT * np.abs(found).max()):
             raise checks.InputError(f"the {len(kept)} hits span nothing: they lie in one point or on one line")
