@@ -6,17 +6,20 @@ shape's diagonal, or with a tenth of outliers, and 496 rays of a lidar of 16 bea
 off`, where it is off by 30 degrees about a random axis, by 10 % of the size, and by 5 % of it in place.
 
 `sdf`: as `depth`, by a descent of as many steps, on 200 hits and 200 points before hits, on the latent of signed
-distances (`latent_distances`), trained on the shapes of `--run` unless its folder holds them trained.
+distances (`latent_distances`), trained on the shapes of `--run` unless its folder holds them trained; in two settings,
+each the better one of a category.
 
 Errors: D_C and F(τ) as in the tables, with 2,466 points at the true scale, and those of every shape (`each`); the
 paired difference of F to the image, to the nearest shape and to signed distances, with its standard error; coverage of
-intervals of 50 and 90 % on all rays of another view that hit the shape, and their median widths, half longest sides; of
-the pose, median angle, and median error of the scale in percent. Evaluations: thousands of rays, or points, that the
+intervals of 50 and 90 % on all rays of another view that hit the shape, and their median widths, half longest sides;
+the median spread of seen and of inferred points of the cloud, in these, and of seen ones over the noise; of the pose,
+median angle, and median error of the scale in percent. Evaluations: thousands of rays, or points, that the
 field was asked for. Seconds are processor time of one thread, without clouds. Settings were chosen with `--split
 validation`.
 """
 
 import contextlib
+import dataclasses
 import functools
 import tempfile
 import time
@@ -55,6 +58,7 @@ from ddf_lab.run import Run
 KEPT = True  # rows that are not measured anew
 SEED, PIXELS, POINTS, TRUTH_POINTS = 0, 64, 2466, 8000
 SCORES = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
+EACH = (*SCORES, "coverage_90", "width_90", "spread_seen", "spread_inferred")  # kept of every shape
 Split = Literal["validation", "test"]
 BEAMS, COLUMNS, TEST_RAYS, JUDGED = 16, 31, 500, 20
 TURN_DEG, GROWTH, SHIFT = 30.0, 0.1, 0.1  # half longest sides
@@ -68,6 +72,7 @@ SCANS = {  # noise in v1, outliers, whether a lidar, whether the pose is known
     "lidar": (0.0, 0.0, True, True),
     "depth, pose off": (0.0, 0.0, False, False),
 }
+SETTINGS = {"sdf": (9000, 0.1), "sdf, 4000 steps, prior 0.01": (4000, 0.01)}  # steps of training, λ of the descent
 EVERY = ("depth", "depth, pose off")  # of all shapes; others of `--few`
 LINES = (": image", ": nearest", ": sdf", ": depth", ": lidar", ": depth, pose off", ": told apart")  # of the page
 
@@ -177,12 +182,13 @@ class Solver:
             )
             told = {"seconds": time.process_time() - started, "explained": found.explained}
         told["evaluations_x1000"] = sum(asked) / 1000
+        surface = completed_surface.cloud(self.decoder.field, found, scan, POINTS, SEED)
         if not known:
             told["angle_deg"], told["scale_percent"] = pose_error(found.scan_from_field, given.place)
         else:
             told |= self.coverage(found, given, rng)
-        cloud = found.scan_from_field.apply(self.cloud(found.modulations)) * K
-        return told | _told(cloud_scores.compare_clouds(cloud, given.truth))
+            told |= _spread(surface, given.place.scale, noise)
+        return told | _told(cloud_scores.compare_clouds(surface.points * K, given.truth))
 
     def coverage(self, found: completion.Completed, given: Case, rng: np.random.Generator) -> dict[str, float]:
         """Share of true ranges of another view in their intervals, and how wide these are."""
@@ -294,6 +300,13 @@ def told_apart(category: str, split: Split, most: int) -> measuring.Row:
     return measuring.row(f"{category}, {split}: told apart", about, seconds, error) | {"judged": own | other}
 
 
+def _spread(surface: completed_surface.Cloud, half: float, noise: float) -> dict[str, float]:
+    """Medians; see the module."""
+    seen, inferred = (float(np.median(surface.spread[which])) for which in (surface.seen, ~surface.seen))
+    told = {"spread_seen": seen / half, "spread_inferred": inferred / half}
+    return told | ({"seen_over_noise": seen / noise} if noise else {})
+
+
 def _told(scores: cloud_scores.CloudScores) -> dict[str, float]:
     return dict(zip(SCORES, (1000 * scores.chamfer_l2_sq, 100 * scores.f_score_tau), strict=True))
 
@@ -313,7 +326,7 @@ def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) ->
                 gain = claims.difference(score[way][None], score[other][None, : len(each)])
                 error |= {key: gain.mean, f"{key}_error": gain.error}
         size = {"shapes": len(each), "points": POINTS}
-        scores = {name: [float(f"{one[name]:.5g}") for one in each] for name in SCORES}
+        scores = {name: [float(f"{one[name]:.5g}") for one in each] for name in EACH if name in each[0]}
         yield measuring.row(f"{category}, {split}: {way}", size, table["seconds"].tolist(), error) | {"each": scores}
 
 
@@ -338,14 +351,14 @@ def main(
     """
     for category in categories:
         solver = Solver.of(shipped_models.place(category), completion.CompletionConfig())
-        completer = None
-        if "sdf" in ways:
-            model = latent_distances.of_run(Run.read(run, category))
-            completer = latent_distances.Completer.of(model, solver.config)
+        completers: dict[str, latent_distances.Completer] = {}
+        for way, (steps, prior) in SETTINGS.items() if "sdf" in ways else ():
+            model = latent_distances.of_run(Run.read(run, category), steps)
+            completers[way] = latent_distances.Completer.of(model, dataclasses.replace(solver.config, prior=prior))
         every = manifest.of([category])
         known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in ways else []
         mean = solver.cloud([each[0] for each in solver.decoder.modulations(solver.prior.mean[None])])
-        found: dict[str, list[dict[str, float]]] = {way: [] for way in ("image", *ways)}
+        found: dict[str, list[dict[str, float]]] = {way: [] for way in dict.fromkeys(("image", *ways, *completers))}
         for number, row in enumerate([row for row in every if row.split == split][:shapes]):
             given = case(row)
             for way in found:
@@ -355,8 +368,8 @@ def main(
                     found[way].append(nearest(given, known))
                 elif way == "mean":
                     found[way].append(nearest(given, [given.place.apply(mean)]))
-                elif way == "sdf" and completer:
-                    found[way].append(by_distances(completer, given))
+                elif way in completers:
+                    found[way].append(by_distances(completers[way], given))
                 elif way in SCANS and (way in EVERY or number < few):
                     found[way].append(solver.of_scan(given, way, np.random.default_rng(number)))
             print(row.id, {way: round(own[-1]["f_score_tau_x100"], 1) for way, own in found.items()}, flush=True)

@@ -34,7 +34,6 @@ from ddf_lab.run import Run
 WAYS, SKIN, FREE, CHUNK = 32, 0.01, 20_000, 8192
 NEAR = ((0.4, 0.01), (0.3, 0.05))  # shares of the points about the surface, and their deviations; the rest in the cube
 CLAMP, BEYOND, NORM = 0.1, 0.1, 1e-4  # δ; weights of the error that is not clamped, and of |z|²
-PRIOR = 0.1  # λ, chosen on validation chairs and planes
 LOOP = loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, threads=1, muon=0.02)
 
 
@@ -44,7 +43,7 @@ class Training:
 
     layout: siren.SineLayout
     latent_features: int
-    steps: int = 9000
+    steps: int
     points: int = 16384
     shapes: int = 24
     rows: int = 256
@@ -83,10 +82,10 @@ def drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> Float[np.ndarray,
     return np.column_stack([points, f]).astype(np.float32)
 
 
-def of_run(run: Run) -> LatentDistances:
+def of_run(run: Run, steps: int) -> LatentDistances:
     """Of a category of a run whose stage `meshes` is done; kept beside its artefacts, where a second call finds it."""
     train = run.section(reconstruction_settings.TrainConfig)
-    config = Training(train.decoder, train.latent_features)
+    config = Training(train.decoder, train.latent_features, steps)
     shapes = storage.read_json(run.index)["categories"][run.category]["shapes"]
     wanted = {shape["id"] for shape in shapes if shape["train_views"]}
     digest = hashlib.sha256(repr((config, storage.checksum(run.index))).encode()).hexdigest()
@@ -193,7 +192,7 @@ class Completer:
         f = self.model(self.prior.latents(u), torch.cat((hits, free)).expand(len(u), -1, -1))
         off, free_f = f[:, : len(hits)].abs(), f[:, len(hits) :]
         beyond = functional.relu(-free_f) + functional.relu(free_f - reach)
-        return torch.cat((off, beyond), dim=1).mean(1) / self.config.blur + PRIOR * u.square().sum(-1) / 2
+        return torch.cat((off, beyond), dim=1).mean(1) / self.config.blur + self.config.prior * u.square().sum(-1) / 2
 
     def _some(self, seen: Evidence, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         hits, free = (torch.randint(len(each), (count // 2,), generator=generator) for each in (seen.hits, seen.free))

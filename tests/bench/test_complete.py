@@ -1,13 +1,18 @@
 """ICP with a scale, wrong poses and the rows of the bench of completion."""
 
 import json
+from types import SimpleNamespace
+from typing import Any
 
+import _shapes
 import numpy as np
 import pytest
 
 from bench.lib import measuring
 from bench.reconstruction import complete
-from ddf.geometry import transforms
+from ddf.data.synthetic import render
+from ddf.fit import completed_surface
+from ddf.geometry import neighbours, transforms
 
 
 def test_icp_lays_a_cloud_over_hits_of_it_that_were_turned_moved_and_scaled():
@@ -30,6 +35,36 @@ def test_a_wrong_pose_is_as_wrong_as_it_says():
     assert angle == pytest.approx(complete.TURN_DEG)
     assert abs(wrong.scale / 0.4 - 1) == pytest.approx(complete.GROWTH)
     assert np.linalg.norm(wrong.translation - place.translation) == pytest.approx(0.4 * complete.SHIFT)
+
+
+@pytest.fixture(scope="module")
+def ball() -> complete.Case:
+    """A sphere that both cameras see."""
+    mesh = _shapes.icosphere(4, 0.4)
+    parts: Any = SimpleNamespace(vertices=mesh.vertices, triangles=mesh.faces)
+    views = [render.View(azimuth, 20.0, 1.5) for azimuth in (0.0, 90.0)]
+    cloud = neighbours.Neighbours(complete.K * mesh.vertices)
+    return complete.Case(parts, cloud, transforms.Similarity(0.4, np.eye(3), np.zeros(3)), views)
+
+
+def test_nearest_is_the_one_that_lies_on_the_hits(ball: complete.Case) -> None:
+    points = np.random.default_rng(0).normal(size=(2000, 3))
+    sphere = 0.4 * points / np.linalg.norm(points, axis=1, keepdims=True)
+    for known in ([sphere, sphere * [1, 0.3, 0.1]], [sphere * [1, 0.3, 0.1], sphere]):
+        assert complete.nearest(ball, known)["chamfer_l2_sq_x1000"] < 1
+
+
+def test_a_ray_without_an_interval_counts_as_missed(ball: complete.Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    def along(_field: Any, _found: Any, positions: np.ndarray, _directions: np.ndarray, _share: float):
+        low, high = np.zeros(len(positions)), np.full(len(positions), 9.0)
+        low[::2] = high[::2] = np.nan
+        return low, high
+
+    monkeypatch.setattr(completed_surface, "along_rays", along)
+    solver: Any = SimpleNamespace(decoder=SimpleNamespace(field=None))
+    told = complete.Solver.coverage(solver, ball, ball, np.random.default_rng(0))  # type: ignore
+    assert told["coverage_50"] == told["coverage_90"] == 50
+    assert told["width_90"] == pytest.approx(9 / 0.4)
 
 
 def test_rows_have_the_paired_gain_and_its_error():

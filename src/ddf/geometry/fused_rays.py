@@ -29,7 +29,11 @@ _NEAR = 2.0  # cells: how far off f is known
 _BESIDE = 1.1  # widths: a node so far beside the hits that its planes are of is not on the surface, if rays passed it
 _CLOSED, _BLIND = 4, 2  # cells around hits in which what is open is closed; where no ray tells what is empty
 _STRAY_CELLS = 64  # along the longest side of the hits
-_STRAY, _STRAY_SHARE, _STRAY_MOST = 3, 0.04, 10  # strays: fewer hits in 27 cells than the share of the median, in bounds
+_STRAY, _STRAY_SHARE, _STRAY_MOST = (
+    3,
+    0.04,
+    10,
+)  # strays: fewer hits in 27 cells than the share of the median, in bounds
 _LINE, _POINT = 1e-4, 1e-9  # of the length and of the coordinates: hits that are less wide span nothing
 _ALONE = 8.5  # what a ray or two add up to in 27 nodes
 _FEW = 0.2  # of the median number of rays through a node
