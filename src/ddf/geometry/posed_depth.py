@@ -105,7 +105,8 @@ def read(path: Path) -> Sensed:
     if not kept.any():
         raise checks.InputError(f"{path}: holds no points")
     if normals is None:
-        return Sensed(scans.of_points(points[kept], sensor), f"points seen from {sensor.tolist()}", 1)
+        unit = " in metres" if suffix == ".bin" else ""
+        return Sensed(scans.of_points(points[kept], sensor), f"points{unit} seen from {sensor.tolist()}", 1)
     length = np.linalg.norm(normals, axis=1)
     kept &= length > 0
     ways = -normals[kept] / length[kept, None]
@@ -132,13 +133,14 @@ def together(found: Sequence[Sensed]) -> Sensed:
 def _folder(path: Path) -> Sensed:
     """All images of a folder as one scan."""
     if (path / "transforms.json").is_file():
-        kind, frames = "nerfstudio's depth images", list(_nerfstudio(path))
+        kind, frames = "nerfstudio's depth images in the unit of its poses", list(_nerfstudio(path))
     elif (path / "groundtruth.txt").is_file():
         intrinsics, whose = _intrinsics(path)
-        kind, frames = f"TUM's depth images, intrinsics of {whose}", list(_tum(path, intrinsics))
+        kind, frames = f"TUM's depth images in metres, intrinsics of {whose}", list(_tum(path, intrinsics))
     elif logs := sorted(path.glob("*.log")):
         intrinsics, whose = _intrinsics(path)
-        kind, frames = f"Redwood's depth images, intrinsics of {whose}", list(_redwood(path, logs[0], intrinsics))
+        kind = f"Redwood's depth images in metres, intrinsics of {whose}"
+        frames = list(_redwood(path, logs[0], intrinsics))
     else:
         files = sorted(each for each in path.iterdir() if each.suffix.lower() in (".npz", ".png"))
         if not files:

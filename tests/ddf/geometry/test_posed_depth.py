@@ -13,6 +13,7 @@ from PIL import Image
 from ddf.core import checks
 from ddf.geometry import mesh_io, posed_depth, scans
 
+CLOUDS = Path(__file__).parent / "clouds"  # of other makers, see its README.md
 HEIGHT, WIDTH, FOCAL, FAR = 6, 8, 10.0, 1.5  # a wall at z = FAR, seen by cameras that look along Z from x = 0 and 0.25
 POSES = np.tile(np.eye(4), (2, 1, 1))
 POSES[1, 0, 3] = 0.25
@@ -166,6 +167,15 @@ def test_pcd(tmp_path: Path, encoding: str) -> None:
     (tmp_path / "cloud.pcd").write_bytes(head + body)
     scan = posed_depth.read(tmp_path / "cloud.pcd").scan
     assert np.allclose(scan.points, POINTS) and np.array_equal(scan.positions, np.tile([0.0, 0, -1], (4, 1)))
+
+
+def test_clouds_of_other_makers() -> None:
+    found = [posed_depth.read(CLOUDS / f"{name}.pcd").scan for name in ("ascii", "binary", "binary_compressed")]
+    assert [len(scan.points) for scan in found] == [213] * 3
+    assert all(np.allclose(scan.points, found[0].points, atol=1e-5) for scan in found)
+    assert np.allclose(found[0].points[0], [0.93773, 0.33763, 0])
+    with pytest.raises(checks.InputError, match=r"autzen\.las: .* it needs NormalX, NormalY, NormalZ"):
+        posed_depth.read(CLOUDS / "autzen.las")
 
 
 def test_ply_with_normals_needs_no_sensor(tmp_path: Path) -> None:
