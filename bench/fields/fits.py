@@ -10,6 +10,7 @@ from the surface, whose visibility is wrong or whose depth is off by more than 0
 triangles, without the caster's tree. All times are those of one core's work.
 """
 
+import dataclasses
 import itertools
 import tempfile
 import time
@@ -94,10 +95,12 @@ def network(given: scans.Scan | mesh_io.Mesh, steps: int, **settings: Any) -> sh
         return shape_field.load(Path(folder))
 
 
-def sine(mesh: mesh_io.Mesh, steps: int) -> Way:
-    """A network after so many steps of one core."""
-    started = time.process_time()
-    field = network(mesh, steps, held_out=50)
+def sine(mesh: mesh_io.Mesh, steps: int, size: int | None = None) -> Way:
+    """A network after so many steps of one core; size: about its bytes, else as `ddf fit` has it."""
+    started, usual = time.process_time(), fit_settings.FitConfig().field
+    width = round((size / 4 / (len(usual.hidden) - 1)) ** 0.5) if size else usual.hidden[0]
+    layout = dataclasses.replace(usual, hidden=(width,) * len(usual.hidden))
+    field = network(mesh, steps, held_out=50, field=layout)
     return _way(f"sine, {steps} steps", field, 4 * field.parameters, time.process_time() - started)
 
 

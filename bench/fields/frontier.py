@@ -2,9 +2,9 @@
 
 `rock` is a sphere whose radius waves at every wavelength that its triangles carry, so a finer one has finer detail;
 `hoops` are rings of 1/100 the shape's size, `cut` the rock of 10,000, each triangle cut into 64 that add nothing.
-`patches` is what `ddf fit` makes, `sine` its network after some steps; `distances` is sphere tracing, compiled,
-through a grid of signed distances; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Times are CPU time of
-one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits.
+`patches` is what `ddf fit` makes, `sine` a network of as many bytes after some steps; `distances` is sphere tracing,
+compiled, through a grid of signed distances; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Times are
+CPU time of one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits.
 """
 
 import dataclasses
@@ -89,7 +89,7 @@ def main(*, steps: int = STEPS) -> measuring.Rows:
         points, to_field = fits.picture(field, *fits.CAMERA), field.field_from_mesh
         starts, ways = to_field.apply(points.positions), to_field.apply_directions(points.directions)
         image = functools.partial(field.evaluate, starts, ways, ("visibility", "depth"))
-        made = [fits.sine(mesh, steps)] if len(mesh.faces) <= GROWING[2] else []
+        made = [fits.sine(mesh, steps, patches.size)] if len(mesh.faces) <= GROWING[2] else []
         made += [grid(scene, side, points) for side in SIDES]
         made = [dataclasses.replace(patches, image=image), *made, fits.cast(mesh, points)]
         yield from fits.rows_of(name, mesh, field, made)
