@@ -1,4 +1,4 @@
-"""Scenes of several fields: the same surfaces cast as one, hard and soft; unsigned distances."""
+"""Scenes of several fields: the same surfaces cast as one, hard and soft; unsigned distances; cameras and flights."""
 
 import copy
 import dataclasses
@@ -12,7 +12,7 @@ import pytest
 import torch
 from _shapes import random_rays
 
-from ddf.core import shipped_models
+from ddf.core import checks, shipped_models
 from ddf.fields import framed_field, scene_field, shape_field
 from ddf.geometry import primitives, rays, transforms
 
@@ -250,3 +250,49 @@ def test_soft_depth_is_the_paper_s_sum_over_the_fields_that_take_part():
         expected = powers @ depths[part, i] / powers.sum() if part.any() else np.inf
         assert found["depth"][i] == pytest.approx(expected)
         assert weights[:, i].sum() == pytest.approx(float(part.any()))
+
+
+FIELD = _closed_form.ClosedForm(primitives.Sphere(), np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.6, 0.7]))
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("camera", [(35.0, 25.0, 0.9), (-140.0, -60.0, 2.0)])
+def test_one_camera_has_the_rays_of_a_render(camera, up):
+    starts, directions = framed_field.camera_rays(FIELD, camera, 9, up)
+    azimuth, elevation, radius = camera
+    found = scene_field.one(FIELD, azimuth, elevation, radius, up).rays(9, up)
+    np.testing.assert_allclose(found[0], starts, atol=1e-12)
+    np.testing.assert_allclose(found[1], directions, atol=1e-12)
+
+
+def test_flights_pass_every_waypoint_and_go_straight_between():
+    stops = [scene_field.LookAt(np.array([i, i**2, 0.0]), np.array([i, i**2, 1.0])) for i in range(3)]
+    looks = scene_field.fly(stops, 5)
+    np.testing.assert_allclose(
+        [look.position for look in looks], [[0, 0, 0], [0.5, 0.5, 0], [1, 1, 0], [1.5, 2.5, 0], [2, 4, 0]]
+    )
+    np.testing.assert_allclose([look.target - look.position for look in looks], [[0, 0, 1]] * 5)
+
+
+def test_straight_in_ends_in_the_middle_of_the_box():
+    start = scene_field.one(FIELD, 30.0, 10.0, 2.0, "y")
+    first, last = scene_field.straight_in(FIELD, start)
+    np.testing.assert_allclose(first.position, start.position)
+    np.testing.assert_allclose(last.position, [0.0, 0.1, 0.0], atol=1e-12)
+    way = last.position - first.position
+    np.testing.assert_allclose(np.cross(way, last.target - last.position), 0.0, atol=1e-12)
+
+
+def test_looking_straight_down_has_an_orientation():
+    _, directions = scene_field.LookAt(np.array([0.0, 3.0, 0.0]), np.zeros(3)).rays(3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    np.testing.assert_allclose(directions[4], [0.0, -1.0, 0.0], atol=1e-12)
+
+
+def test_cameras_that_cannot_look_are_refused():
+    with pytest.raises(checks.InputError, match="must look away from where it stands"):
+        scene_field.LookAt(np.ones(3), np.ones(3))
+    with pytest.raises(checks.InputError, match="finite"):
+        scene_field.LookAt(np.ones(3), np.full(3, np.nan))
+    with pytest.raises(checks.InputError, match="two waypoints or more; got 1"):
+        scene_field.fly([scene_field.LookAt(np.ones(3), np.zeros(3))], 4)
