@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -106,9 +107,7 @@ def test_what_the_text_names_exists(page):
             assert found_in_source(span) or found_in_configs(span), span
         elif span.startswith("make ") and "<" not in span and "/path" not in span:
             _check_make(shlex.split(span)[1:])
-        elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/\S*$", span) and not set(span) & set(
-            "<*{"
-        ):
+        elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/[^\s<*{]*$", span):
             assert (ROOT / span).exists() or re.search(r"reports/NAME", span), span
         elif span.startswith("python -m bench "):
             assert list((ROOT / "bench").rglob(f"{span.split()[3]}.py")), span
@@ -155,9 +154,8 @@ def test_snippets_of_python_run_in_order(page, tmp_path):
         compile(snippet, page.name, "exec")
     program = "\n".join(snippet for snippet in snippets if not not_run(snippet, NOT_RUN_PYTHON))
     if program:
-        done = subprocess.run(
-            [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=240
-        )
+        words = [sys.executable, "-c", program]
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=240)
         assert done.returncode == 0, f"{page.name}\n{done.stderr}"
 
 
@@ -195,3 +193,21 @@ def test_messages_are_those_of_the_code():
     for message in messages:
         for part in re.split(FILLED_IN, message):
             assert part.strip() in code, message
+
+
+def test_the_page_of_commands_is_current():
+    written = runpy.run_path(str(ROOT / "docs" / "commands.py"))["text"]()
+    assert (ROOT / "docs" / "commands.md").read_text(encoding="utf-8") == written, "run: python docs/commands.py"
+
+
+@pytest.mark.parametrize("name", frame.COMMANDS)
+def test_examples_are_well_formed(name, monkeypatch):
+    monkeypatch.setattr("ddf.core.processes.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    for example in frame.COMMANDS[name].docstring.examples:
+        assert example.startswith(f"ddf {name}")
+        assert ddf.cli.main(shlex.split(example)[1:]) == 0, example
+
+
+@pytest.mark.parametrize("recipe", sorted((ROOT / "docs" / "recipes").glob("*.diff")), ids=lambda recipe: recipe.stem)
+def test_recipes_apply_to_the_code_as_it_is(recipe):
+    subprocess.run(["git", "apply", "--check", recipe], cwd=ROOT, check=True)
