@@ -121,11 +121,8 @@ def conditional_field():
     """A field, a batch and modulations of four shapes."""
     torch.manual_seed(0)
     config = pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)
-    return (
-        pddf.PDDF(config),
-        _models.batch(COUNTS, 4, torch.float32),
-        [torch.rand(4, 1, width) + 0.5 for width in config.hidden],
-    )
+    field, batch = pddf.PDDF(config), _models.batch(COUNTS, 4, torch.float32)
+    return field, batch, [torch.rand(4, 1, width) + 0.5 for width in config.hidden]
 
 
 COMPILED = """

@@ -19,25 +19,18 @@ CONFIG = reconstruction_settings.ProposalConfig(20, 6)
 RADII = (0.4, 0.8)
 
 
-def _stored(shapes):
+def _propose(settings=CONFIG, chosen=(1, 0, 1), field=None):
+    """Beside one stored sample of each type, all 0."""
     counts: dict[str, int] = dict.fromkeys(sample_types.ORDER, 1)
-    n = len(counts)
-    zeros = torch.zeros(shapes, n, 3)
-    return sample_batch.SampleBatch(zeros, zeros, zeros[..., 0], zeros[..., 0], zeros, counts)
-
-
-def _proposer(settings=CONFIG):
+    zeros = torch.zeros(len(chosen), len(counts), 3)
+    stored = sample_batch.SampleBatch(zeros, zeros, zeros[..., 0], zeros[..., 0], zeros, counts)
     unit = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
     clouds = [(radius * unit).numpy() for radius in RADII]
     shapes = category_data.ShapeSet.of(["small", "large"], [transforms.Similarity(1.0)] * 2, clouds)
     scenes = [raycast.Scene(_shapes.icosphere(4, radius)) for radius in RADII]
-    return proposed_rays.Proposer(shapes, scenes, settings)
-
-
-def _propose(settings=CONFIG, chosen=(1, 0, 1), seed=0, field=None):
+    propose = proposed_rays.Proposer(shapes, scenes, settings)
     modulations = [torch.tensor([RADII[shape] for shape in chosen]).view(-1, 1, 1).requires_grad_()]
-    random = np.random.default_rng(seed)
-    return _proposer(settings)(_stored(len(chosen)), field or Sphere(), modulations, np.array(chosen), random)
+    return propose(stored, field or Sphere(), modulations, np.array(chosen), np.random.default_rng(0))
 
 
 def test_truth_is_that_of_each_shape_and_only_the_candidates_are_asked_for():

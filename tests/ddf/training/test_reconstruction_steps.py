@@ -53,12 +53,6 @@ def _camera_loss(model, scores, truth, images):
     return (scores - wanted).square().sum(dim=-1).mean()
 
 
-def _double(batch):
-    return dataclasses.replace(
-        batch, **{f.name: getattr(batch, f.name).double() for f in dataclasses.fields(batch) if f.name != "counts"}
-    )
-
-
 @pytest.mark.parametrize("pixels", [None, 20])
 def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
     torch.manual_seed(0)
@@ -73,7 +67,8 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
 
     drawn = images.shapes[rows]
     modulations = exact.decoder.modulator(exact.shape_encoder(shown))
-    points = _double(samples.draw(drawn, config.counts, random))
+    points = samples.draw(drawn, config.counts, random)
+    points = dataclasses.replace(points, **{k: v.double() for k, v in vars(points).items() if k != "counts"})
     shape_loss = plain_loss(exact.field, points, modulations, config.weights)
     scores = exact.camera_encoder(shown)
     camera_loss = _camera_loss(exact, scores, truth, images)
@@ -86,12 +81,8 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
         raw = exact.field(entry[None], world[None], [m[row : row + 1] for m in modulations])[0]
         visible = torch.where(meets, torch.sigmoid(raw[..., 3]), 0.0)
         masks.append((visible, images.alpha(rows[row : row + 1], config.mask_size)[0].double().flatten(), meets))
-    if pixels is None:
-        mask_loss = torch.stack(
-            [torch.nn.functional.binary_cross_entropy(visible, alpha) for visible, alpha, _ in masks]
-        ).mean()
-    else:
-        mask_loss = torch.stack(_of_some(masks, pixels, random)).mean()
+    of_each = [torch.nn.functional.binary_cross_entropy(visible, alpha) for visible, alpha, _ in masks]
+    mask_loss = torch.stack(of_each if pixels is None else _of_some(masks, pixels, random)).mean()
     expected = shape_loss + 5.0 * camera_loss + 4.0 * mask_loss
     torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=0)
     torch.testing.assert_close(terms["camera"].double(), camera_loss, rtol=1e-4, atol=0)
@@ -108,9 +99,8 @@ def _pixels(size):
 
 def _of_some(masks, pixels, random):
     """The same of the pixels with the largest chances among those that meet the cube, for all of those."""
-    chances = torch.rand(
-        (len(masks), len(masks[0][0])), generator=torch.Generator().manual_seed(int(random.integers(2**62)))
-    )
+    generator = torch.Generator().manual_seed(int(random.integers(2**62)))
+    chances = torch.rand((len(masks), len(masks[0][0])), generator=generator)
     losses = []
     for (visible, alpha, meets), chance in zip(masks, chances, strict=True):
         chosen = (chance * meets + meets).topk(pixels).indices
