@@ -184,8 +184,7 @@ def test_meshes_of_other_roots_and_shapes_are_refused(root, cause):
 def test_shards_leave_out_what_does_not_agree(root, tmp_path):
     (path, view), (other, _) = _shape(root, 0), _shape(root, 1)
     shapes = [mesh_shards.RawShape(p.parent.name, str(p), "", view) for p in (path, other)]
-    made = mesh_shards.prepare(
-        mesh_preparation.MeshesConfig(faces=5000), "chair", shapes, parallel.Shard(tmp_path, 0, "x")
-    )
+    config = mesh_preparation.MeshesConfig(faces=5000)
+    made = mesh_shards.prepare(config, "chair", shapes, parallel.Shard(tmp_path, 0, "x"))
     assert [failure.id for failure in made.failures] == [other.parent.name] and "silhouette" in made.failures[0].reason
     assert list(mesh_shards.read_pack(made.files[0]).meshes) == [path.parent.name]

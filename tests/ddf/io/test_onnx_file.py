@@ -119,9 +119,8 @@ def test_files_give_what_the_field_of_the_image_gives(tmp_path):
     graphs, source = onnx_file.load_graphs(folder, None)
     assert list(graphs) == ["rays", "encode"] and source["config"]["kind"] == line_field.KIND
     for name, graph in graphs.items():
-        rows = onnx_file.export(
-            graph, name, tmp_path / "graph.onnx", source, onnx_file.ExportConfig(batches=(1, 7, 500))
-        )
+        config = onnx_file.ExportConfig(batches=(1, 7, 500))
+        rows = onnx_file.export(graph, name, tmp_path / "graph.onnx", source, config)
         assert {row.output for row in rows} == set(graph.meanings)
         sessions[name] = onnx_parity.session((tmp_path / "graph.onnx").read_bytes())
     model = line_field.load(folder).network
