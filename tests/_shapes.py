@@ -115,11 +115,8 @@ def deb(members, name="data.tar.xz", mode: Literal["w", "w:xz"] = "w:xz"):
             archive.addfile(entry, io.BytesIO(content))
     out = b"!<arch>\n"
     for own, content in (("debian-binary", b"2.0\n"), ("control.tar.xz", b"odd"), (name, data.getvalue())):
-        out += (
-            f"{own:<16}{0:<12}{0:<6}{0:<6}{'100644':<8}{len(content):<10}`\n".encode()
-            + content
-            + b"\n" * (len(content) % 2)
-        )
+        head = f"{own:<16}{0:<12}{0:<6}{0:<6}{'100644':<8}{len(content):<10}`\n"
+        out += head.encode() + content + b"\n" * (len(content) % 2)
     return out
 
 

@@ -102,6 +102,5 @@ def test_encoders_may_learn_at_a_share_of_the_decoders_rate():
     assert DDF.encoder_share(TRAIN.loop) == 1
     slow = dataclasses.replace(DDF, encoder_learning_rate=5e-4)
     assert slow.encoder_share(TRAIN.loop) == pytest.approx(0.25)  # of the DDF's own 2e-3
-    assert dataclasses.replace(slow, learning_rate=None).encoder_share(TRAIN.loop) == pytest.approx(
-        5e-4 / TRAIN.loop.learning_rate
-    )
+    common = dataclasses.replace(slow, learning_rate=None)
+    assert common.encoder_share(TRAIN.loop) == pytest.approx(5e-4 / TRAIN.loop.learning_rate)

@@ -54,10 +54,8 @@ def test_readme_has_all_rows(above, count):
 
 def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
     """DDF+image is 8 better in F(τ) for real chairs at the true camera, and nothing else differs."""
-    random, rows = np.random.default_rng(0), []
-    for category, method, column in itertools.product(
-        results.CATEGORIES, results.MODELS.values(), ("Pi_g-L", "Pi_pred-L")
-    ):
+    random, rows, columns = np.random.default_rng(0), [], ("Pi_g-L", "Pi_pred-L")
+    for category, method, column in itertools.product(results.CATEGORIES, results.MODELS.values(), columns):
         ahead = 8.0 * ((category, method, column) == ("chair", "ddf_image", "Pi_g-L"))
         for shape in range(12):
             score = (50 + ahead + random.normal()) / 100
@@ -67,25 +65,20 @@ def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
     groups = {f"real {category}": category for category in results.CATEGORIES}
     found = types.SimpleNamespace(table=table, trainings=[scored], per_image=scored, groups=groups)
     labels = {metric: scores.LABELS[metric] for metric in (results.CHAMFER, results.F_TAU)}
-    columns = ("Pi_g-L", "Pi_pred-L")
     printed = scores.pairs(cast(Any, found), groups, columns, model_sections.MODELS, "", labels=labels)
     assert printed is not None
     folder = tmp_path / "reports" / "own"
-    pages.write(
-        pages.Page("Own", ["With the true camera, DDF+image is best"], [pages.Section("R", [printed, ""])]), folder
-    )
+    page = pages.Page("Own", ["With the true camera, DDF+image is best"], [pages.Section("R", [printed, ""])])
+    pages.write(page, folder)
     (folder / "si3dr.csv").write_text(table.to_csv(index=False))
     monkeypatch.setattr(results, "ROOT", tmp_path)
-    closed, told = (
-        results.best(results.Measured("own:real")),
-        "None is claimed to be better: scores per image of this run were not kept.",
-    )
-    assert closed.endswith(told) and results.Measured("own:real").claims == set()
+    told = "None is claimed to be better: scores per image of this run were not kept."
+    assert results.best(results.Measured("own:real")).endswith(told)
+    assert results.Measured("own:real").claims == set()
     (folder / "per_image.csv").write_text(claims.as_text([scored]))
     said = r"DDF\+image, true camera: chair F\(τ\) \(by (\d\.\d) ± 0\.\d, 12 shapes, 1 training alone\)\."
-    match = re.search(
-        f"Claimed to be better than both other models: {said}$", results.best(results.Measured("own:real"))
-    )
+    told = results.best(results.Measured("own:real"))
+    match = re.search(f"Claimed to be better than both other models: {said}$", told)
     assert match and abs(float(match[1]) - 8) < 1
 
 

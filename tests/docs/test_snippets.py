@@ -1,7 +1,8 @@
-"""Every fenced block of the pages: it runs here, or it is listed as too long and its parts exist."""
+"""What the pages tell people to type and to open is there: fenced blocks run, or are listed and their parts exist."""
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import _page_inputs
 import pytest
 
 import ddf.cli
+from ddf.cli import frame
 from ddf.core import config
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,9 +107,7 @@ def test_what_the_text_names_exists(page):
             assert found_in_source(span) or found_in_configs(span), span
         elif span.startswith("make ") and "<" not in span and "/path" not in span:
             _check_make(shlex.split(span)[1:])
-        elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/\S*$", span) and not set(span) & set(
-            "<*{"
-        ):
+        elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/[^\s<*{]*$", span):
             assert (ROOT / span).exists() or re.search(r"reports/NAME", span), span
         elif span.startswith("python -m bench "):
             assert list((ROOT / "bench").rglob(f"{span.split()[3]}.py")), span
@@ -154,9 +154,8 @@ def test_snippets_of_python_run_in_order(page, tmp_path):
         compile(snippet, page.name, "exec")
     program = "\n".join(snippet for snippet in snippets if not not_run(snippet, NOT_RUN_PYTHON))
     if program:
-        done = subprocess.run(
-            [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=240
-        )
+        words = [sys.executable, "-c", program]
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=240)
         assert done.returncode == 0, f"{page.name}\n{done.stderr}"
 
 
@@ -165,3 +164,50 @@ def test_every_rule_above_is_needed():
     python = [snippet for page in PAGES for snippet in blocks(page, "python")]
     assert [rule for rule in NOT_RUN if not any(re.search(rule, line) for line in shell)] == []
     assert [rule for rule in NOT_RUN_PYTHON if not any(re.search(rule, snippet) for snippet in python)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_and_links_exist(page):
+    text = page.read_text()
+    assert set(re.findall(r"(?:^    |`)ddf ([a-z]+)\b", text, re.MULTILINE)) <= set(frame.COMMANDS)
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if not link.startswith("http")]
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("given", ["/my data/~ (1)", "~/shapes", "a$b", "a'b\"c"])
+def test_recipes_get_the_root_of_data_as_it_was_given(tmp_path, given):
+    (tmp_path / "Makefile").write_text(f"include {ROOT / 'Makefile'}\nshown:\n\t@env\n")
+    shown = subprocess.run(["make", "shown", f"DATA={given}"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert f"DATA={given}" in shown.stdout.splitlines()
+
+
+SOURCES = [*(ROOT / "src").rglob("*.py"), ROOT / ".ci" / "setup"]
+FILLED_IN = r"torch: |\"directed-distance-fields\[torch\]\"|0\.0%|0\.01|\d+ steps|99\.5%|^no chair|`"  # by f-strings
+
+
+def test_messages_are_those_of_the_code():
+    page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    messages = re.findall(r"(?m)^\| `([^`]+)` \|", page)
+    assert len(messages) > 10
+    code = re.sub(r'"\s*\n\s*f?"', "", "\n".join(source.read_text(encoding="utf-8") for source in SOURCES))
+    for message in messages:
+        for part in re.split(FILLED_IN, message):
+            assert part.strip() in code, message
+
+
+def test_the_page_of_commands_is_current():
+    written = runpy.run_path(str(ROOT / "docs" / "commands.py"))["text"]()
+    assert (ROOT / "docs" / "commands.md").read_text(encoding="utf-8") == written, "run: python docs/commands.py"
+
+
+@pytest.mark.parametrize("name", frame.COMMANDS)
+def test_examples_are_well_formed(name, monkeypatch):
+    monkeypatch.setattr("ddf.core.processes.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    for example in frame.COMMANDS[name].docstring.examples:
+        assert example.startswith(f"ddf {name}")
+        assert ddf.cli.main(shlex.split(example)[1:]) == 0, example
+
+
+@pytest.mark.parametrize("recipe", sorted((ROOT / "docs" / "recipes").glob("*.diff")), ids=lambda recipe: recipe.stem)
+def test_recipes_apply_to_the_code_as_it_is(recipe):
+    subprocess.run(["git", "apply", "--check", recipe], cwd=ROOT, check=True)

@@ -55,9 +55,8 @@ def scripts(extra: str, folder: Path) -> list[str]:
     """Calls of the examples that need one extra, as each says at its top; snippets of pages, too, for the base."""
     needs = f"`.[{extra}]`" if extra else ""
     named = re.findall(rf"(?m)^\| \[(\w+\.py)\].*\| {re.escape(needs)} ?\|$", EXAMPLES)
-    said = [
-        re.findall(r"(?m)^python (examples/\S+(?: \S+)*)", (ROOT / "examples" / name).read_text()) for name in named
-    ]
+    texts = ((ROOT / "examples" / name).read_text() for name in named)
+    said = [re.findall(r"(?m)^python (examples/\S+(?: \S+)*)", text) for text in texts]
     calls = [call.replace("MESH.obj", "shape.obj") for each in said for call in each]
     found = [f"python {ROOT}/{call}" for call in calls if not any(word in call for word in NOT_RUN)]
     for name, page in {"readme": README, "api": API}.items() if not extra else ():

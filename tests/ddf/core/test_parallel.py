@@ -112,9 +112,8 @@ def test_more_than_two_percent_stop_the_run(out_dir, total, bad, ok):
     if ok:
         assert len(_map(out_dir, items=range(total), bad=range(bad), shard_size=30)) == bad
         return
-    with pytest.raises(
-        checks.InputError, match=rf"square: {bad} of {total} shapes failed .* the first one 0: is bad;"
-    ) as caught:
+    told = rf"square: {bad} of {total} shapes failed .* the first one 0: is bad;"
+    with pytest.raises(checks.InputError, match=told) as caught:
         _map(out_dir, items=range(total), bad=range(bad), shard_size=30)
     assert "\n" not in str(caught.value)
     assert len((out_dir / "failures.csv").read_text().splitlines()) == 1 + bad
@@ -126,11 +125,8 @@ def test_an_item_that_kills_its_process_is_left_out(out_dir):
     failures = _map(out_dir, killers=[6])
     assert [(failure.id, failure.stage) for failure in failures] == [("6", "square")]
     assert "process died" in failures[0].reason
-    assert [(out_dir / f"{i:03d}.txt").read_text().split() for i in range(3)] == [
-        ["0", "1", "4", "9"],
-        ["16", "25", "49"],
-        ["64", "81"],
-    ]
+    squares = [(out_dir / f"{i:03d}.txt").read_text().split() for i in range(3)]
+    assert squares == [["0", "1", "4", "9"], ["16", "25", "49"], ["64", "81"]]
 
 
 def _slow(items, shard: parallel.Shard) -> parallel.ShardResult:

@@ -23,9 +23,8 @@ def test_a_file_system_without_locks_is_named_with_the_remedy(tmp_path, monkeypa
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(processes.fcntl, "flock", none)
-    with pytest.raises(
-        checks.InputError, match=r"/lock: its file system has no locks \(No locks available\).* local disk"
-    ):
+    told = r"/lock: its file system has no locks \(No locks available\).* local disk"
+    with pytest.raises(checks.InputError, match=told):
         processes.locked(tmp_path / "lock", "").__enter__()
 
 

@@ -34,10 +34,6 @@ def _table():
     return np.stack([light, light - 3, light - 8], axis=-1) + np.random.default_rng(0).normal(0, 1.5, (*x.shape, 3))
 
 
-def _wall():
-    return np.broadcast_to([40, 120, 190], (SIZE[1], SIZE[0], 3))
-
-
 def _apart(path, **how):
     """Mean difference of alpha from the truth, in opaque pixels of it."""
     truth, found = np.array(_object())[..., 3] / 255, cutouts.read(path, **how)
@@ -48,7 +44,7 @@ def _apart(path, **how):
 def test_a_jpeg_on_a_white_table_a_wall_and_a_mask(tmp_path):
     _object().save(tmp_path / "cut.png")
     _on(_table()).save(tmp_path / "table.jpg", quality=90)
-    _on(_wall()).save(tmp_path / "wall.png")
+    _on(np.broadcast_to([40, 120, 190], (SIZE[1], SIZE[0], 3))).save(tmp_path / "wall.png")
     _object().getchannel("A").resize((480, 360)).save(tmp_path / "mask.png")
     assert _apart(tmp_path / "cut.png") == 0
     assert _apart(tmp_path / "table.jpg") < 0.03
@@ -110,15 +106,12 @@ def test_what_cannot_be_cut_out_is_said(tmp_path):
         Image.new("L", size, 255).save(tmp_path / name)
     Image.new("RGBA", (7200, 7200)).save(tmp_path / "large.png")
     Image.fromarray(RIM[:40, :40].astype(np.uint8)).save(tmp_path / "dark.png")  # several dark values
+    whole = {"mask": tmp_path / "all.png"}
     cases: tuple[tuple[str, dict[str, Any], str], ...] = (
         ("plain.png", {}, "no object stands out from the background .what does is 0 pixels across, 0% of"),
         ("clear.png", {}, "is masked .what does is at most 0 of 255; the object's are 128 or more.; give --mask"),
         ("clear.png", {"mask": tmp_path / "wide.tif"}, "wide.tif: not a readable image .damaged, or of another kind.;"),
-        (
-            "plain.png",
-            {"mask": tmp_path / "all.png"},
-            "all.png: no object is masked .what does is 40 pixels across, 100% of",
-        ),
+        ("plain.png", whole, "all.png: no object is masked .what does is 40 pixels across, 100% of"),
         ("large.png", {}, r"large\.png: 7200 x 7200 pixels; at most 50000000"),
         ("plain.png", {"background": "gren"}, "background must be auto, white, border"),
         ("plain.png", {"mask": tmp_path / "wide.png"}, "wide.png: 90 x 40 pixels, not of the picture"),

@@ -150,11 +150,10 @@ def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):
         with pytest.raises(checks.InputError, match=message):
             dataset.make(section, tmp_path / "out")
         (root / then_made).mkdir(parents=True, exist_ok=True)
-    for kind in ("ShapeNetRendering", "ShapeNetCore.v1"):
+    kinds = ("ShapeNetRendering", "ShapeNetCore.v1")
+    for kind in kinds:
         (root / kind / CHAIR / "a").mkdir(parents=True)
-    for twice in (
-        f"{kind}/{inner}" for kind in ("ShapeNetRendering", "ShapeNetCore.v1") for inner in (kind, f"{CHAIR}/{CHAIR}")
-    ):
+    for twice in [f"{kind}/{inner}" for kind in kinds for inner in (kind, f"{CHAIR}/{CHAIR}")]:
         (root / twice).mkdir()
         with pytest.raises(checks.InputError, match=f"{twice}: nested twice; move what it holds one folder up"):
             dataset.make(section, tmp_path / "out")

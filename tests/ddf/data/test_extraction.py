@@ -197,8 +197,6 @@ def test_mesh_outside_the_cube_and_bad_settings_are_refused():
 
 
 def test_a_config_says_whether_o_samples_are_all_at_their_distance():
-    fixed, uniform = (
-        extraction.extract(BALL, extraction.SamplesConfig(sample_types.each(200), 0.05, offsets), "s")["O.positions"]
-        for offsets in ("fixed", "uniform")
-    )
+    configs = (extraction.SamplesConfig(sample_types.each(200), 0.05, offsets) for offsets in ("fixed", "uniform"))
+    fixed, uniform = (extraction.extract(BALL, config, "s")["O.positions"] for config in configs)
     assert not np.array_equal(fixed, uniform)

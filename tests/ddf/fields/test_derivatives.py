@@ -9,11 +9,6 @@ from ddf.fields import derivatives, pddf, siren
 WIDTHS = (16, 16, 8)
 
 
-def _network(dtype=torch.float64, omega_first=1.0, omega_hidden=1.0, seed=0):
-    torch.manual_seed(seed)
-    return siren.SineNetwork(6, siren.SineLayout(WIDTHS, omega_first, omega_hidden), 4).to(dtype)
-
-
 def _modulations(shapes, dtype=torch.float64):
     torch.manual_seed(7)
     modulator = siren.Modulator(5, WIDTHS).to(dtype)
@@ -28,7 +23,9 @@ def _random(*shape, seed=1, dtype=torch.float64):
 @pytest.mark.parametrize(("omega_first", "omega_hidden"), [(1.0, 1.0), (3.0, 30.0)])
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-8), (torch.float32, 1e-4)])
 def test_adjoint_and_tangent_equal_autograd(modulated, omega_first, omega_hidden, dtype, tolerance):
-    network, modulations = _network(dtype, omega_first, omega_hidden), _modulations(2, dtype) if modulated else None
+    torch.manual_seed(0)
+    network = siren.SineNetwork(6, siren.SineLayout(WIDTHS, omega_first, omega_hidden), 4).to(dtype)
+    modulations = _modulations(2, dtype) if modulated else None
     inputs = _random(2, 9, 6, dtype=dtype).requires_grad_()
     directions = _random(2, 9, 3, seed=2, dtype=dtype)
     trace = derivatives.trace(network, inputs, modulations)
@@ -50,15 +47,12 @@ def _field(activation: pddf.DepthActivation = "softplus"):
     return pddf.PDDF(pddf.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0)).double()
 
 
-def _depth(field, p, v, modulations):
-    """d_{i*} written out, for autograd."""
-    raw = field(p, v, modulations)
-    return torch.where(raw[..., 2] >= 0, field.depths(raw)[..., 0], field.depths(raw)[..., 1])
-
-
 def _autograd_hessian(field, p, v, modulations):
+    """Of d_{i*}, written out."""
     p = p.clone().requires_grad_()
-    (gradient,) = torch.autograd.grad(_depth(field, p, v, modulations).sum(), p, create_graph=True)
+    raw = field(p, v, modulations)
+    depth = torch.where(raw[..., 2] >= 0, field.depths(raw)[..., 0], field.depths(raw)[..., 1])
+    (gradient,) = torch.autograd.grad(depth.sum(), p, create_graph=True)
     rows = [torch.autograd.grad(gradient[..., i].sum(), p, retain_graph=True)[0] for i in range(3)]
     return gradient.detach(), torch.stack(rows, -2)
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from typing import Literal
 
 import _models
 import pytest
@@ -12,7 +11,6 @@ from _plain_loss import plain_loss
 from ddf.fields import losses, pddf, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
-_WAYS: tuple[Literal["chosen", "mixture", "gated"], ...] = ("chosen", "mixture", "gated")
 WEIGHTS = losses.LossWeights(  # no two alike and none 1, so that none can stand for another or be left out
     normals=8.0, weight_variance=0.7, transition=0.15, visibility_variance=0.3, transition_speed=1.5
 )
@@ -105,19 +103,22 @@ def test_shape_loss_uses_the_huber_threshold():
     assert float(2e9 * huber / square) == pytest.approx(1.0)
 
 
-def test_ground_truth_of_extra_points_is_never_read():
+def test_ground_truth_of_extra_points_and_depth_of_misses_are_never_read():
     field, batch = _field(), _models.batch(COUNTS)
-    spoiled = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}
-    for values in spoiled.values():
+    extra = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}
+    for values in extra.values():
         values[:, : COUNTS["E"]] = float("nan")
-    assert torch.equal(_loss(field, batch), _loss(field, dataclasses.replace(batch, **spoiled)))
+    misses = {"depth": torch.where(batch.visible > 0, batch.depth, float("nan"))}
+    for spoiled in (extra, misses):
+        found = _loss(field, dataclasses.replace(batch, **spoiled))
+        assert torch.equal(_loss(field, batch), found)
+        assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))
 
 
 @pytest.mark.parametrize("points", [1, 4, 11, 36, 40, 80, 1000])
 def test_blocks_are_the_batch_in_parts(points):
-    batch = dataclasses.replace(
-        _models.batch(COUNTS, 3), visible=torch.arange(3 * sum(COUNTS.values())).view(3, -1).double()
-    )
+    numbers = torch.arange(3 * sum(COUNTS.values())).view(3, -1).double()
+    batch = dataclasses.replace(_models.batch(COUNTS, 3), visible=numbers)
     rows = {kind: [] for kind in COUNTS}
     for shapes, block in batch.blocks(points):
         assert block.visible.shape == (shapes.stop - shapes.start, sum(block.counts.values()))
@@ -151,14 +152,6 @@ def test_loss_without_gradients_is_the_same_number():
     with torch.no_grad():
         plain = _loss(field, batch)
     assert torch.equal(plain, _loss(field, batch).detach())
-
-
-def test_depth_of_a_miss_is_never_read():
-    field, batch = _field(), _models.batch(COUNTS)
-    spoiled = dataclasses.replace(batch, depth=torch.where(batch.visible > 0, batch.depth, float("nan")))
-    found = _loss(field, spoiled)
-    assert torch.equal(_loss(field, batch), found)
-    assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))
 
 
 def test_transition_loss_is_quadratic_below_its_bound_and_nothing_above():

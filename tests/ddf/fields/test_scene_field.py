@@ -1,4 +1,4 @@
-"""Scenes of several fields: the same surfaces cast as one, hard and soft; unsigned distances."""
+"""Scenes of several fields: the same surfaces cast as one, hard and soft; unsigned distances; cameras and flights."""
 
 import copy
 import dataclasses
@@ -12,15 +12,13 @@ import pytest
 import torch
 from _shapes import random_rays
 
-from ddf.core import shipped_models
+from ddf.core import checks, shipped_models
 from ddf.fields import framed_field, scene_field, shape_field
 from ddf.geometry import primitives, rays, transforms
 
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
-SPHERE, BOX = (
-    _closed_form.ClosedForm(shape)
-    for shape in (primitives.Sphere(radius=0.8), primitives.Box((-0.9, -0.4, -0.7), (0.8, 0.5, 0.6)))
-)
+SPHERE = _closed_form.ClosedForm(primitives.Sphere(radius=0.8))
+BOX = _closed_form.ClosedForm(primitives.Box((-0.9, -0.4, -0.7), (0.8, 0.5, 0.6)))
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
 PLACES = (
     transforms.Similarity(0.5, TURN, np.array([0.7, 0.1, 0.0])),
@@ -36,14 +34,6 @@ def _scene(fields=(SPHERE, SPHERE), blend=None):
 def _points(count=3000, seed=1):
     points = random_rays(count, seed, spread=1.2)
     return rays.OrientedPoints(points.positions.numpy(), points.directions.numpy())
-
-
-def _through_both(count=300):
-    """Rays from a point within the first object to one within the second, from before the first."""
-    rng = np.random.default_rng(2)
-    inside = [place.apply(0.5 * rng.uniform(-1, 1, (count, 3))) for place in PLACES]
-    directions = (inside[1] - inside[0]) / np.linalg.norm(inside[1] - inside[0], axis=1, keepdims=True)
-    return rays.OrientedPoints(inside[0] - directions, directions)
 
 
 def test_every_output_of_a_scene_is_that_of_the_surfaces_cast_as_one():
@@ -64,7 +54,11 @@ def test_every_output_of_a_scene_is_that_of_the_surfaces_cast_as_one():
 
 @pytest.mark.parametrize("fields", [(SPHERE, SPHERE), (SPHERE, BOX)])
 def test_soft_goes_to_hard_with_the_temperature(fields):
-    points = _through_both()
+    """Along rays from a point within the first object to one within the second, from before the first."""
+    rng = np.random.default_rng(2)
+    inside = [place.apply(0.5 * rng.uniform(-1, 1, (300, 3))) for place in PLACES]
+    directions = (inside[1] - inside[0]) / np.linalg.norm(inside[1] - inside[0], axis=1, keepdims=True)
+    points = rays.OrientedPoints(inside[0] - directions, directions)
     hard, _ = framed_field.query(_scene(fields), points, OUTPUTS)
     both = np.isfinite(hard["depth"])
     gaps = []
@@ -87,10 +81,8 @@ def test_soft_normals_are_the_weighted_mean_of_both_fields():
     found = scene.evaluate(start, along, ("depth", "normals"))
     parts = [primitives.Sphere((0.0, 0.0, z), 0.4) for z in (0.0, -1.0)]
     tensors = rays.OrientedPoints(torch.from_numpy(start), torch.from_numpy(along))
-    depths, normals = (
-        np.concatenate([getattr(primitives.cast(part, tensors), name).numpy() for part in parts])
-        for name in ("depth", "normals")
-    )
+    hits = [primitives.cast(part, tensors) for part in parts]
+    depths, normals = (np.concatenate([getattr(hit, name).numpy() for hit in hits]) for name in ("depth", "normals"))
     weights = np.exp(1 / (0.5 * (0.05 + depths)))
     weights /= weights.sum()
     mean = weights @ normals
@@ -178,12 +170,10 @@ def test_what_stands_behind_a_surface_is_not_asked():
     ways = rng.normal(size=starts.shape) - starts
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     counted = tuple(scene_field.Counted(SPHERE) for _ in places)
-    found = scene_field.SceneField(counted, places, np.full(3, -9.0), np.full(3, 9.0)).evaluate(starts, ways, OUTPUTS)
+    box = np.full(3, -9.0), np.full(3, 9.0)
+    found = scene_field.SceneField(counted, places, *box).evaluate(starts, ways, OUTPUTS)
     asked, seen = sum(field.queries for field in counted), int(np.isfinite(found["depth"]).sum())
-    alone = [
-        scene_field.SceneField((field,), (place,), np.full(3, -9.0), np.full(3, 9.0))
-        for field, place in zip(counted, places, strict=True)
-    ]
+    alone = [scene_field.SceneField((one,), (place,), *box) for one, place in zip(counted, places, strict=True)]
     each = np.stack([scene.evaluate(starts, ways, ("depth",))["depth"] for scene in alone])
     np.testing.assert_allclose(found["depth"], each.min(axis=0), rtol=1e-12)
     every = sum(field.queries for field in counted) - asked
@@ -250,3 +240,48 @@ def test_soft_depth_is_the_paper_s_sum_over_the_fields_that_take_part():
         expected = powers @ depths[part, i] / powers.sum() if part.any() else np.inf
         assert found["depth"][i] == pytest.approx(expected)
         assert weights[:, i].sum() == pytest.approx(float(part.any()))
+
+
+FIELD = _closed_form.ClosedForm(primitives.Sphere(), np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.6, 0.7]))
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("camera", [(35.0, 25.0, 0.9), (-140.0, -60.0, 2.0)])
+def test_one_camera_has_the_rays_of_a_render(camera, up):
+    starts, directions = framed_field.camera_rays(FIELD, camera, 9, up)
+    azimuth, elevation, radius = camera
+    found = scene_field.one(FIELD, azimuth, elevation, radius, up).rays(9, up)
+    np.testing.assert_allclose(found[0], starts, atol=1e-12)
+    np.testing.assert_allclose(found[1], directions, atol=1e-12)
+
+
+def test_flights_pass_every_waypoint_and_go_straight_between():
+    stops = [scene_field.LookAt(np.array([i, i**2, 0.0]), np.array([i, i**2, 1.0])) for i in range(3)]
+    looks = scene_field.fly(stops, 5)
+    passed = [[0, 0, 0], [0.5, 0.5, 0], [1, 1, 0], [1.5, 2.5, 0], [2, 4, 0]]
+    np.testing.assert_allclose([look.position for look in looks], passed)
+    np.testing.assert_allclose([look.target - look.position for look in looks], [[0, 0, 1]] * 5)
+
+
+def test_straight_in_ends_in_the_middle_of_the_box():
+    start = scene_field.one(FIELD, 30.0, 10.0, 2.0, "y")
+    first, last = scene_field.straight_in(FIELD, start)
+    np.testing.assert_allclose(first.position, start.position)
+    np.testing.assert_allclose(last.position, [0.0, 0.1, 0.0], atol=1e-12)
+    way = last.position - first.position
+    np.testing.assert_allclose(np.cross(way, last.target - last.position), 0.0, atol=1e-12)
+
+
+def test_looking_straight_down_has_an_orientation():
+    _, directions = scene_field.LookAt(np.array([0.0, 3.0, 0.0]), np.zeros(3)).rays(3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    np.testing.assert_allclose(directions[4], [0.0, -1.0, 0.0], atol=1e-12)
+
+
+def test_cameras_that_cannot_look_are_refused():
+    with pytest.raises(checks.InputError, match="must look away from where it stands"):
+        scene_field.LookAt(np.ones(3), np.ones(3))
+    with pytest.raises(checks.InputError, match="finite"):
+        scene_field.LookAt(np.ones(3), np.full(3, np.nan))
+    with pytest.raises(checks.InputError, match="two waypoints or more; got 1"):
+        scene_field.fly([scene_field.LookAt(np.ones(3), np.zeros(3))], 4)

@@ -218,17 +218,11 @@ def test_rotations_are_those_about_their_axes():
     np.testing.assert_allclose(turned[1, 1:, 1], [math.cos(0.3), math.sin(0.3)], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("known", "start", "away"),
-    [
-        (
-            "rabbit-network",
-            transforms.Similarity(1.08, _turned(0.074, 0.246, -0.049), np.array([0.06, -0.04, 0.07])),
-            0.02,
-        ),
-        ("armchair", transforms.Similarity(1.0, _turned(0.1, math.radians(60), -0.1), np.array([0.1, 0, -0.1])), 0.01),
-    ],
-)
+NEAR = transforms.Similarity(1.08, _turned(0.074, 0.246, -0.049), np.array([0.06, -0.04, 0.07]))
+FAR = transforms.Similarity(1.0, _turned(0.1, math.radians(60), -0.1), np.array([0.1, 0, -0.1]))
+
+
+@pytest.mark.parametrize(("known", "start", "away"), [("rabbit-network", NEAR, 0.02), ("armchair", FAR, 0.01)])
 def test_a_known_object_is_found_to_a_degree_and_a_hundredth(known, start, away):
     """A network and its size from 15 degrees away; patches from 60."""
     resize = start.scale != 1
@@ -242,9 +236,7 @@ def test_a_known_object_is_found_to_a_degree_and_a_hundredth(known, start, away)
 def test_objects_of_one_scan_are_found_at_once_each_where_it_stands(monkeypatch):
     monkeypatch.setattr(completion, "_TOGETHER", 2)
     rabbit = ddf.load("rabbit")
-    places = [
-        transforms.Similarity(1.0, _turned(0.2 * k, 0.9 * k, 0.0), np.array([2.5 * k, 0.0, 0.0])) for k in range(3)
-    ]
+    places = [transforms.Similarity(1.0, _turned(0.2 * k, 0.9 * k, 0.0), np.array([2.5 * k, 0, 0])) for k in range(3)]
     scene = ddf.compose([rabbit] * 3, [place.to_matrix() for place in places])
     off = transforms.Similarity(1.0, _turned(0.1, -0.3, 0.2), np.array([0.05, 0.04, -0.06]))
     starts = np.stack([place.compose(off).to_matrix() for place in places])

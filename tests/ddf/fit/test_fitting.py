@@ -216,9 +216,8 @@ def test_inner_sheets_are_part_of_the_shape():
     samples = shape_samples.draw_samples(nested, TINY.drawing, sample_types.each(2000), "train")
     half = 0.3 * (1 - TINY.margin)
     u = _tensors(samples, "U")
-    points = rays.OrientedPoints(
-        u["positions"].double(), torch.nn.functional.normalize(u["directions"].double(), dim=-1)
-    )
+    directions = torch.nn.functional.normalize(u["directions"].double(), dim=-1)
+    points = rays.OrientedPoints(u["positions"].double(), directions)
     hits = primitives.cast(primitives.Box((-half, -half, -half), (half, half, half)), points)
     inner = hits.visible & (u["positions"].abs().amax(-1) < 1 - TINY.margin)  # others see the outer cube first
     assert bool(inner.any())

@@ -20,9 +20,8 @@ def measured(field, mesh):
 
 
 def test_the_mesh_itself_is_without_fault():
-    mesh = moved(
-        joined(icosphere(3, 0.5), moved(cube(), np.array([0.3, 0.3, 0.005]), (0.0, 0.0, 0.7))), 7.0, (3, 0, -2)
-    )
+    plate = moved(cube(), np.array([0.3, 0.3, 0.005]), (0.0, 0.0, 0.7))
+    mesh = moved(joined(icosphere(3, 0.5), plate), 7.0, (3, 0, -2))
     found = measured(asked(mesh), mesh)
     assert found == pytest.approx({"depth": 0, "silhouettes": 100, "thin": 100, "normals": 0, "inside": 0}, abs=1e-3)
     assert [line[3] for line in inspection.verdicts(found)] == 5 * ["good"]

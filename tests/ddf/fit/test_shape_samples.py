@@ -15,9 +15,8 @@ from ddf.geometry import mesh_io, rays, scans, transforms
 
 SCALE = 0.4
 FRAME = transforms.Similarity(SCALE, np.eye(3), np.array([0.1, 0.0, -0.2]))
-BOX = mesh_io.Mesh(
-    FRAME.translation + SCALE * RADIUS * np.array([[-1.0] * 3, [1] * 3, [1, -1, 1]]), np.array([[0, 1, 2]])
-)
+CORNERS = FRAME.translation + SCALE * RADIUS * np.array([[-1.0] * 3, [1] * 3, [1, -1, 1]])
+BOX = mesh_io.Mesh(CORNERS, np.array([[0, 1, 2]]))
 DRAWN = extraction.SamplesConfig(sample_types.each(1), 0.05, "fixed", "tight", 0.02)
 
 

@@ -89,7 +89,8 @@ def test_depth_obeys_properties_i_to_iii(name):
     assert_close((grad_p * points.directions).sum(-1), -torch.ones(len(depth), dtype=torch.float64), atol=1e-8)
     assert_close(grad_p, -normals / slope, atol=1e-7, rtol=1e-7)
     assert_close(grad_p.norm(dim=-1), 1 / slope[:, 0].abs(), atol=1e-7, rtol=1e-7)
-    turn = torch.linalg.cross(torch.randn(len(depth), 3, dtype=torch.float64, generator=_random(3)), points.directions)
+    random = torch.randn(len(depth), 3, dtype=torch.float64, generator=torch.Generator().manual_seed(3))
+    turn = torch.linalg.cross(random, points.directions)
     left = (grad_v * turn).sum(-1)
     assert_close(left, depth.detach() * (grad_p * turn).sum(-1), atol=1e-7, rtol=1e-7)
 
@@ -109,7 +110,3 @@ def test_curvatures_equal_property_v(name):
     slope = (hits.normals * points.directions).sum(-1)
     form = slope[:, None, None] * frame @ second @ frame.mT
     assert_close(torch.linalg.eigvalsh(form), expected.sort(dim=-1).values, atol=1e-6, rtol=1e-6)
-
-
-def _random(seed: int) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)

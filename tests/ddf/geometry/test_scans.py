@@ -60,17 +60,15 @@ def test_the_three_kinds_of_file_are_one_scan(tmp_path):
 
 
 LENS = {"depth": _depth(), "intrinsics": INTRINSICS}
+CLOUD = {"points": np.ones((3, 3)), "sensors": np.zeros(3)}
 RAY = {"positions": [[0, 0, 0]], "directions": [[0, 0, 1]], "ranges": [1]}
 TWICE = INTRINSICS * [[2], [2], [1]]
 BAD = {
     "no scan": ({"depth": _depth()}, "a scan has one of positions and directions and ranges"),
-    "two kinds": (LENS | {"points": np.ones((3, 3)), "sensors": np.zeros(3)}, "one of .* got depth, intrinsics, p"),
+    "two kinds": (LENS | CLOUD, "one of .* got depth, intrinsics, p"),
     "one kind and a half": (RAY | {"points": np.ones((3, 3))}, "one of "),
     "unknown array": (LENS | {"camera_to_world": np.eye(4)}, "unknown key 'camera_to_world'.*mean camera_to_scan"),
-    "points with a camera": (
-        {"points": np.ones((3, 3)), "sensors": np.zeros(3), "camera_to_scan": np.eye(4)},
-        "points: unknown key 'camera_to_scan'",
-    ),
+    "points with a camera": (CLOUD | {"camera_to_scan": np.eye(4)}, "points: unknown key 'camera_to_scan'"),
     "NaN start": (RAY | {"positions": [[0, 0, np.nan]]}, "must be finite"),
     "too few": (RAY | {"positions": np.zeros((2, 3)), "directions": [[0, 0, 1]] * 2}, "one a ray"),
     "negative depths": (LENS | {"depth": -_depth() - np.eye(24, 30)}, r"above 0.* got -3 at \(0, 0\), .*write 0"),
@@ -86,8 +84,8 @@ BAD = {
     "two widths": (LENS | {"width": [30, 30]}, "width, height must be a number"),
     "scaled camera": (LENS | {"camera_to_scan": np.diag([2.0, 2, 2, 1])}, "without a scale"),
     "camera by columns": (LENS | {"camera_to_scan": TURN.to_matrix().T}, "last row: transpose it"),
-    "other sensors": ({"points": np.ones((3, 3)), "sensors": np.zeros((2, 3))}, r"sensors must be \(3,\)"),
-    "NaN sensor": ({"points": np.ones((3, 3)), "sensors": np.full(3, np.nan)}, "sensors must be finite"),
+    "other sensors": (CLOUD | {"sensors": np.zeros((2, 3))}, r"sensors must be \(3,\)"),
+    "NaN sensor": (CLOUD | {"sensors": np.full(3, np.nan)}, "sensors must be finite"),
 }
 
 
@@ -135,9 +133,8 @@ def test_points_that_are_none_are_left_out_of_rows_and_of_organised_clouds(tmp_p
     points, sensor = rng.normal(size=(6, 7, 3)), np.array([0.0, 0, 9])
     whole = scans.of_points(points.reshape(-1, 3), sensor)
     assert not whole.remarks
-    np.testing.assert_allclose(
-        scans.read(_written(tmp_path, {"points": points, "sensors": sensor})).points, whole.points
-    )
+    read = scans.read(_written(tmp_path, {"points": points, "sensors": sensor}))
+    np.testing.assert_allclose(read.points, whole.points)
     points[0, 0, 1], points[1, 1, 2], points[2, 2], points[3, 3:5] = np.nan, np.inf, sensor, 0.0
     places = np.broadcast_to(sensor, points.shape).copy()
     places[0, 0] = np.nan

@@ -1,4 +1,4 @@
-"""Cloud metrics against a brute-force float64 computation, and in closed form."""
+"""Cloud metrics against a brute-force float64 computation, and in closed form; scores of surfaces."""
 
 import math
 
@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 from _hard import assert_refused, assert_within, step
+from _shapes import icosphere
 
 from ddf.core import checks
 from ddf.geometry import neighbours
+from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
 
 
@@ -96,6 +98,20 @@ def test_shifted_grid_in_closed_form():
     assert scores.f_score_tau == scores.precision_tau == scores.recall_tau == 1.0  # <=, not <
     below = cloud_scores.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=np.nextafter(shift**2, 0))
     assert below.f_score_tau == 0.0 and below.f_score_2tau == 1.0
+
+
+def test_concentric_spheres_lie_their_difference_apart():
+    found = cloud_scores.compare_meshes(icosphere(4, 1.0), icosphere(4, 0.9), points=4000)
+    assert found.chamfer_l1 == pytest.approx(0.1, abs=0.01)
+    assert found.clouds.chamfer_l2_sq == pytest.approx(2 * 0.1**2, rel=0.15)
+    assert found.normal_consistency > 0.99 and found.watertight
+
+
+def test_crossed_squares_disagree_in_their_normals():
+    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    found = cloud_scores.compare_meshes(Mesh(corners, faces), Mesh(corners[:, [0, 2, 1]], faces), points=500)
+    assert found.normal_consistency < 1e-9 and not found.watertight
 
 
 LINE = [[float(i), 0.0, 0.0] for i in range(4)]

@@ -85,10 +85,8 @@ PAPER = Path(__file__).resolve().parents[3] / "configs" / "paper_generative.yaml
 
 def test_the_paper_config_has_the_published_networks():
     given = config.layers(PAPER)
-    vae, gan = (
-        config.resolve(given, "vae", generative_settings.VAEConfig),
-        config.resolve(given, "gan", generative_settings.GANConfig),
-    )
+    vae = config.resolve(given, "vae", generative_settings.VAEConfig)
+    gan = config.resolve(given, "gan", generative_settings.GANConfig)
     assert generative_models.parameter_counts(vae, gan) == {
         "point_encoder": 1_347_488,
         "posterior_heads": 641_600,

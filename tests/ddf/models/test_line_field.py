@@ -17,11 +17,6 @@ from ddf.training import line_steps
 CONFIG = line_field.LineFieldConfig(places=8, width=16, steps=3, rays=60)
 
 
-def _views(model, rows=(0,)):
-    images = _hand_made.images()
-    return model.views(images.batch(np.array(rows)).double(), images.cameras_of(np.array(rows)).double())
-
-
 def _rays(count, seed=1):
     positions, directions = (each.double() for each in _models.points(count, seed))
     return 0.8 * positions, functional.normalize(directions, dim=-1)
@@ -30,8 +25,9 @@ def _rays(count, seed=1):
 @pytest.fixture(scope="module")
 def field():
     """Of one image, with logits large enough that some parts are hit."""
-    model = _models.line_model().double()
-    return line_field.ImageField.of(model.decoder, _views(model))
+    model, images, first = _models.line_model().double(), _hand_made.images(), np.array([0])
+    views = model.views(images.batch(first).double(), images.cameras_of(first).double())
+    return line_field.ImageField.of(model.decoder, views)
 
 
 def test_weights_are_the_chance_of_the_first_hit_ahead():
@@ -86,9 +82,8 @@ def test_gradient_is_exact_and_satisfies_the_eikonal_equation(field):
     def hit(at):
         entry, step, _ = field.decoder.span(at, directions)
         middle = entry + (part + 0.5) * step
-        answers = field.decoder.answers(
-            field.views, torch.zeros_like(part), at + middle[:, None] * directions, directions
-        )
+        there = at + middle[:, None] * directions
+        answers = field.decoder.answers(field.views, torch.zeros_like(part), there, directions)
         return middle + (answers[:, 1] - 0.5) * step
 
     for axis in np.eye(3):
@@ -130,16 +125,13 @@ def test_an_image_seen_twice_says_what_it_says_once(field):
 def test_lines_are_cut_where_they_enter_and_leave_the_box(field):
     positions, directions = _rays(100)
     entry, step, meets = field.decoder.span(3 * positions, directions)
-    far, _, entered = rays.enter_box(
-        (3 * positions - 20 * directions).numpy(), directions.numpy(), field.lower, field.upper
-    )
+    away = 3 * positions - 20 * directions
+    far, _, entered = rays.enter_box(away.numpy(), directions.numpy(), field.lower, field.upper)
     assert 5 < entered.sum() < 95 and (meets.numpy() == entered).all()
-    start, end = (
-        3 * positions + entry[:, None] * directions,
-        entry[:, None] * directions + 8 * step[:, None] * directions,
-    )
+    start = 3 * positions + entry[:, None] * directions
+    end = start + 8 * step[:, None] * directions
     np.testing.assert_allclose(start.numpy()[entered], far[entered], atol=1e-9)
-    assert ((3 * positions + end).abs().amax(-1)[meets] - 1).abs().max() < 1e-9
+    assert (end.abs().amax(-1)[meets] - 1).abs().max() < 1e-9
 
 
 def test_points_moved_between_cameras_keep_their_pixels():

@@ -70,10 +70,7 @@ def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
 
 
 def test_what_tells_two_normal_kinds_apart_is_fishers_direction(tmp_path):
-    spread, apart = (
-        torch.tensor([1.0, 2.0, 0.5], dtype=torch.float64),
-        torch.tensor([1.0, 2.0, 0.0], dtype=torch.float64),
-    )
+    spread, apart = torch.tensor([[1.0, 2.0, 0.5], [1.0, 2.0, 0.0]], dtype=torch.float64)
     noise = torch.randn(8000, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * spread
     own, others, unseen = noise[:3000] + apart, noise[3000:6000], noise[6000:7000] + apart
     direction, likeness = out_of_distribution.told_apart(own, others, [str(i // 5) for i in range(3000)])

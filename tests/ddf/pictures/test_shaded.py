@@ -49,9 +49,8 @@ def test_the_ground_is_under_the_box_where_rays_from_below_meet_nothing():
 
 def test_a_small_low_object_of_a_scene_stands_on_the_ground_and_is_in_the_window():
     field = ClosedForm(primitives.Sphere((0.0, 0.0, 0.0), RADIUS), -np.ones(3), np.ones(3))
-    places = [
-        transforms.Similarity(scale, np.eye(3), np.array(at)) for scale, at in ((1.0, (0.0, 9, 0)), (0.1, (30.0, 0, 0)))
-    ]
+    large, small = (1.0, [0.0, 9, 0]), (0.1, [30.0, 0, 0])
+    places = [transforms.Similarity(scale, np.eye(3), np.array(at)) for scale, at in (large, small)]
     scene = scene_field.SceneField((field, field), tuple(places), np.array([-1, -0.1, -1]), np.array([30.1, 10, 1]))
     standing = shaded.stand(scene)
     assert standing.axes()[0][1] + standing.floor == pytest.approx(-0.1 * RADIUS, abs=0.02)

@@ -24,9 +24,8 @@ def _pictures(folder, shown):
     turned = Image.Exif()
     turned[0x0112] = 6
     photo.transpose(Image.Transpose.ROTATE_90).save(folder / "turned.jpg", quality=92, exif=turned)
-    Image.alpha_composite(Image.new("RGBA", corner.size, (60, 110, 160, 255)), corner).convert("RGB").save(
-        folder / "corner.png"
-    )
+    blue = Image.new("RGBA", corner.size, (60, 110, 160, 255))
+    Image.alpha_composite(blue, corner).convert("RGB").save(folder / "corner.png")
 
 
 def test_every_picture_of_a_chair_gives_its_shape(tmp_path):
@@ -51,9 +50,8 @@ def test_a_square_picture_in_which_the_object_stands_free_is_left_as_it_is(size)
     pixels = np.zeros((137, 137, 4), np.uint8)
     pixels[40:100, 30:90] = (200, 100, 50, 255)
     cutout = framing.Cutout(pixels)
-    assert cutout.given is not None and cutout.given == pytest.approx(
-        [60 * 2**0.5 / 137, 60 / 137 - 0.5, 70 / 137 - 0.5]
-    )
+    assert cutout.given is not None
+    assert cutout.given == pytest.approx([60 * 2**0.5 / 137, 60 / 137 - 0.5, 70 / 137 - 0.5])
     resized = np.array(Image.fromarray(pixels).resize((size, size), Image.Resampling.BILINEAR))
     resized[resized[..., 3] == 0] = 0
     found = cutout.crop(cutout.given, size).astype(int)

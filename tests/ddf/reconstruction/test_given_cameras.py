@@ -114,9 +114,8 @@ def test_a_picture_is_turned_into_what_the_models_lens_sees(folder, layout):
 def test_far_away_the_object_is_magnified():
     around = (30.0, 25.0, 3.0)
     pose = _pose(around, np.random.default_rng(1))
-    (camera,) = given_cameras.read(
-        [{"camera_to_world": pose, "camera_angle_x": 2 * np.arctan(SIZE[0] / 2 / FOCAL)}], [Path("a.png")]
-    )
+    given = {"camera_to_world": pose, "camera_angle_x": 2 * np.arctan(SIZE[0] / 2 / FOCAL)}
+    (camera,) = given_cameras.read([given], [Path("a.png")])
     assert isinstance(camera, given_cameras.Pinhole)
     turned, seen_from = camera.framed(_picture(pose, (0, 0), 0.0), 0.8)
     assert seen_from[2] == pytest.approx(1.0)

@@ -78,9 +78,8 @@ def test_a_correction_starts_from_the_scale_that_a_small_cloud_tells(monkeypatch
     correct = mask_descent.correct_shapes
     monkeypatch.setattr(mask_descent, "correct_shapes", lambda *given: seen.append(given[4]) or correct(*given))
     many_images.reconstruct_ddf(model, images, CORRECTED, "test", torch.ones(TRAIN.latent_features))
-    tensors, _ = many_images.reconstruct_ddf(
-        model, images, dataclasses.replace(POINTCLOUDS, large=many_images.ROUGH_POINTS), "test"
-    )
+    rough = dataclasses.replace(POINTCLOUDS, large=many_images.ROUGH_POINTS)
+    tensors, _ = many_images.reconstruct_ddf(model, images, rough, "test")
     torch.testing.assert_close(torch.cat(seen), 1 / tensors["scale_pred"])
 
 
@@ -99,11 +98,10 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
 
 def test_pcsirens_points_are_the_farthest_of_twice_as_many():
     model, images = _models.pcsiren_model(), _hand_made.images()
-    twice = dataclasses.replace(POINTCLOUDS, pcsiren_inputs="farthest")
-    chosen = many_images.reconstruct_pcsiren(model, images, twice)[0]
-    mapped = many_images.reconstruct_pcsiren(
-        model, images, dataclasses.replace(POINTCLOUDS, large=120, pcsiren_inputs="even")
-    )[0]["L"]
+    farthest = dataclasses.replace(POINTCLOUDS, pcsiren_inputs="farthest")
+    chosen = many_images.reconstruct_pcsiren(model, images, farthest)[0]
+    twice = dataclasses.replace(POINTCLOUDS, large=120, pcsiren_inputs="even")
+    mapped = many_images.reconstruct_pcsiren(model, images, twice)[0]["L"]
     assert torch.equal(chosen["S"], chosen["L"][:, :30])
     for cloud, candidates in zip(chosen["L"], mapped, strict=True):
         assert torch.equal(cloud[0], candidates[0])

@@ -55,10 +55,8 @@ def test_camera_and_scale_take_their_share_and_are_given_up():
     model, latent = _model(), torch.tensor([[0.0, 0.0, 0.0, 0.0, 0.0]])
     alpha = _alpha(model, latent, CAMERA + torch.tensor([[0.0, 0.0, 0.1]]))
     given = (model, latent, DEVIATION, CAMERA, SCALE, alpha)
-    held, freed = (
-        float(mask_descent.correct_shapes(*given, dataclasses.replace(HOW, camera_rate=rate, keep=1e-3)).norm())
-        for rate in (0.0, 0.3)
-    )
+    both = (dataclasses.replace(HOW, camera_rate=rate, keep=1e-3) for rate in (0.0, 0.3))
+    held, freed = (float(mask_descent.correct_shapes(*given, how).norm()) for how in both)
     assert freed < 0.6 * held
     assert torch.equal(CAMERA, torch.tensor([[0.4, 0.48, 0.8]])) and torch.equal(SCALE, torch.tensor([2.5]))
 

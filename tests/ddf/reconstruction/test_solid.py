@@ -39,10 +39,8 @@ class _Unsure:
 
 
 def _seen(mesh, size=137):
-    azimuth, elevation, radius = np.array(CAMERA)
-    centre, ways = cameras.pixel_rays(
-        azimuth, elevation, radius, cameras.pixel_directions(size, np.zeros(())).reshape(-1, 3)
-    )
+    ways = cameras.pixel_directions(size, np.zeros(())).reshape(-1, 3)
+    centre, ways = cameras.pixel_rays(*np.array(CAMERA), ways)
     starts = np.broadcast_to(centre / transforms.BENCHMARK_FROM_V1, ways.shape).copy()
     return np.isfinite(raycast.Scene(mesh).first_hits(starts, ways)[0]).reshape(size, size)
 

@@ -119,9 +119,8 @@ def test_the_loss_is_that_of_the_shape_and_the_divergence():
     points = SHAPES.samples.draw(drawn, model.config.counts, random)
     mean, log_variance = model.posterior(*clouds)
     latent = mean + (0.5 * log_variance).exp() * noise
-    shape_loss, _ = losses.shape_loss(
-        model.decoder.field, points, model.decoder.modulator(latent), model.config.weights
-    )
+    modulations = model.decoder.modulator(latent)
+    shape_loss, _ = losses.shape_loss(model.decoder.field, points, modulations, model.config.weights)
     divergence = generative_models.divergence(mean, log_variance).mean(0).sum()
     assert_close(terms["divergence"], divergence)
     assert_close(total, shape_loss + 0.05 * divergence)

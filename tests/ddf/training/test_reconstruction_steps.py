@@ -1,4 +1,4 @@
-"""Steps of both reconstruction models: batches, and totals by hand."""
+"""Steps of both reconstruction models: batches, totals by hand, and the Chamfer loss with its nearest points."""
 
 import copy
 import dataclasses
@@ -11,7 +11,7 @@ import torch
 from _hand_made import DDF, PCSIREN, TRAIN
 from _plain_loss import plain_loss
 
-from ddf.fields import rendering
+from ddf.fields import losses, rendering
 from ddf.geometry import transforms
 from ddf.models import reconstruction_models
 from ddf.training import reconstruction_steps
@@ -53,12 +53,6 @@ def _camera_loss(model, scores, truth, images):
     return (scores - wanted).square().sum(dim=-1).mean()
 
 
-def _double(batch):
-    return dataclasses.replace(
-        batch, **{f.name: getattr(batch, f.name).double() for f in dataclasses.fields(batch) if f.name != "counts"}
-    )
-
-
 @pytest.mark.parametrize("pixels", [None, 20])
 def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
     torch.manual_seed(0)
@@ -73,7 +67,8 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
 
     drawn = images.shapes[rows]
     modulations = exact.decoder.modulator(exact.shape_encoder(shown))
-    points = _double(samples.draw(drawn, config.counts, random))
+    points = samples.draw(drawn, config.counts, random)
+    points = dataclasses.replace(points, **{k: v.double() for k, v in vars(points).items() if k != "counts"})
     shape_loss = plain_loss(exact.field, points, modulations, config.weights)
     scores = exact.camera_encoder(shown)
     camera_loss = _camera_loss(exact, scores, truth, images)
@@ -86,12 +81,8 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
         raw = exact.field(entry[None], world[None], [m[row : row + 1] for m in modulations])[0]
         visible = torch.where(meets, torch.sigmoid(raw[..., 3]), 0.0)
         masks.append((visible, images.alpha(rows[row : row + 1], config.mask_size)[0].double().flatten(), meets))
-    if pixels is None:
-        mask_loss = torch.stack(
-            [torch.nn.functional.binary_cross_entropy(visible, alpha) for visible, alpha, _ in masks]
-        ).mean()
-    else:
-        mask_loss = torch.stack(_of_some(masks, pixels, random)).mean()
+    of_each = [torch.nn.functional.binary_cross_entropy(visible, alpha) for visible, alpha, _ in masks]
+    mask_loss = torch.stack(of_each if pixels is None else _of_some(masks, pixels, random)).mean()
     expected = shape_loss + 5.0 * camera_loss + 4.0 * mask_loss
     torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=0)
     torch.testing.assert_close(terms["camera"].double(), camera_loss, rtol=1e-4, atol=0)
@@ -108,9 +99,8 @@ def _pixels(size):
 
 def _of_some(masks, pixels, random):
     """The same of the pixels with the largest chances among those that meet the cube, for all of those."""
-    chances = torch.rand(
-        (len(masks), len(masks[0][0])), generator=torch.Generator().manual_seed(int(random.integers(2**62)))
-    )
+    generator = torch.Generator().manual_seed(int(random.integers(2**62)))
+    chances = torch.rand((len(masks), len(masks[0][0])), generator=generator)
     losses = []
     for (visible, alpha, meets), chance in zip(masks, chances, strict=True):
         chosen = (chance * meets + meets).topk(pixels).indices
@@ -171,3 +161,33 @@ def test_mirrored_images_learn_the_mirrored_camera_and_predictions_are_mirrored_
     torch.testing.assert_close(wanted[0][:, 0], turn * batch.cameras[:, 0] % (2 * np.pi))
     torch.testing.assert_close(predicted[:, 0], turn * answer[:, 0] % (2 * np.pi))
     torch.testing.assert_close(wanted[0][:, 1:], batch.cameras[:, 1:])
+
+
+def test_chamfer_loss_equals_the_double_loop():
+    generator = torch.Generator().manual_seed(0)
+    a = torch.randn(2, 7, 3, generator=generator, dtype=torch.float64, requires_grad=True)
+    b = torch.randn(2, 5, 3, generator=generator, dtype=torch.float64)
+    distance = torch.cdist(a, b).square()
+    expected = distance.amin(2).mean() + distance.amin(1).mean()
+    torch.testing.assert_close(reconstruction_steps.chamfer_loss(a, b), expected)
+    assert torch.autograd.gradcheck(lambda x: reconstruction_steps.chamfer_loss(x, b), (a,))
+
+
+def test_chamfer_loss_is_the_same_in_blocks(monkeypatch):
+    generator = torch.Generator().manual_seed(1)
+    a, b = torch.randn(3, 40, 3, generator=generator), torch.randn(3, 90, 3, generator=generator)
+    whole = reconstruction_steps.chamfer_loss(a, b)
+    for block in (1, 40 * 7, 40 * 90, 2 * 40 * 90):  # a column, seven, a shape, two shapes at a time
+        monkeypatch.setitem(losses.BLOCK_VALUES, "cpu", block)
+        assert reconstruction_steps.chamfer_loss(a, b) == whole
+
+
+@pytest.mark.parametrize(("count", "others"), [(7, 33), (40, 96), (1, 5), (64, 32)])
+def test_nearest_points_are_those_of_all_distances(count, others):
+    """Whole numbers as coordinates: many distances are equal, and of these the first one counts."""
+    generator = torch.Generator().manual_seed(0)
+    a, b = (torch.randint(-2, 3, (3, size, 3), generator=generator).float() for size in (count, others))
+    dist_sq = (a[:, :, None] - b[:, None]).square().sum(-1)
+    to_truth, to_predicted = reconstruction_steps._nearest(a, b)
+    assert torch.equal(to_truth, dist_sq.argmin(2))
+    assert torch.equal(to_predicted, dist_sq.argmin(1))

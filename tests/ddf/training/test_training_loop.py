@@ -67,10 +67,8 @@ def test_saved_average_is_that_of_the_models_after_every_step(tmp_path):
     averaged = dataclasses.replace(constant, ema=0.3)
     trained = [_fit(tmp_path / str(steps), steps, config=constant).state_dict() for steps in (1, 2, 3, 4, 5)]
     model = _fit(tmp_path / "ema", 5, config=averaged)
-    saved, checkpoint = (
-        storage.load_tensors(tmp_path / "ema" / name, framework="torch")[0]
-        for name in (model_files.MODEL, training_loop.CHECKPOINT)
-    )
+    files = (tmp_path / "ema" / name for name in (model_files.MODEL, training_loop.CHECKPOINT))
+    saved, checkpoint = (storage.load_tensors(file, framework="torch")[0] for file in files)
     expected = {name: value.double() for name, value in trained[0].items()}
     for k, state in enumerate(trained[1:], start=1):
         decay = min(0.3, (1 + k) / (10 + k))

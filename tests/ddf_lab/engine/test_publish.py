@@ -17,9 +17,8 @@ STAGES = "{{of: [figures], each: [], command: x, sections: [figures], inputs: [{
 def run(tmp_path, monkeypatch):
     """An experiment of two stages, both done."""
     monkeypatch.chdir(tmp_path)
-    storage.write_text(
-        Path("pipeline.yaml"), f"draw: {STAGES.format('', 'draw')}\nshow: {STAGES.format('draw', 'report')}\n"
-    )
+    stages = f"draw: {STAGES.format('', 'draw')}\nshow: {STAGES.format('draw', 'report')}\n"
+    storage.write_text(Path("pipeline.yaml"), stages)
     for name in ("draw", "show"):
         storage.write_text(Path(f"stages/{name}.py"), "from ddf.core import seeding\n")
     storage.write_text(Path("configs/own.yaml"), "figures: {}\n")

@@ -45,9 +45,8 @@ def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_bega
     entry = "of: [shape], each: [category], command: x, sections: [samples], inputs: [in.txt], outputs: []"
     storage.write_text("pipeline.yaml", f"do_it: {{{entry}}}\n")
     storage.write_text("stages/do_it.py", "")
-    changing = (
-        "print(list(run.given)); from pathlib import Path; Path('artifacts/a/in.txt').write_text('changed meanwhile')"
-    )
+    writing = "from pathlib import Path; Path('artifacts/a/in.txt').write_text('changed meanwhile')"
+    changing = f"print(list(run.given)); {writing}"
     runs = [called(body, *GIVEN) for body in (changing, "pass", "pass")]
     assert [said for _, said, _ in runs] == ["['samples']\n", "", ""]
     assert [told for _, _, told in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]

@@ -16,11 +16,8 @@ def _index(source):
 
 def test_real_shapes_come_first_and_no_group_is_empty():
     index = _index("both")
-    assert list(groups.names(index).items()) == [
-        ("real chair", "chair"),
-        ("procedural chair", "chair"),
-        ("procedural car", "car"),
-    ]
+    assert list(groups.names(index)) == ["real chair", "procedural chair", "procedural car"]
+    assert list(groups.names(index).values()) == ["chair", "chair", "car"]
     assert groups.of_shapes(index, "chair") == {"a": "procedural chair", REAL: "real chair"}
 
 

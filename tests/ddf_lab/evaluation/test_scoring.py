@@ -169,17 +169,12 @@ def test_the_mean_shape_is_what_is_nearest_to_the_validation_shapes(experiment):
     together = baselines.mean_shape(truths, train, [], SIZES, SETTINGS)
     assert {letter: len(cloud) for letter, cloud in together.items()} == SIZES
     found = baselines.mean_shape(truths, train, held, SIZES, SETTINGS)
-    own = {
-        letter: baselines.subset(truths[held[0]].benchmark_points(), count, SETTINGS.seed, held[0])
-        for letter, count in SIZES.items()
-    }
+    points = truths[held[0]].benchmark_points()
+    own = {letter: baselines.subset(points, count, SETTINGS.seed, held[0]) for letter, count in SIZES.items()}
     assert all(np.array_equal(found[letter], own[letter]) for letter in SIZES)  # nothing is nearer to it than itself
-    spread = {f"s{i}": truths[name] for i, name in enumerate(train)} | {
-        "all": packing.Cloud(
-            np.concatenate([truths[name].points for name in train]), np.zeros(len(train) * NUM_TRUTH, dtype=bool)
-        )
-    }
-    ids = [name for name in spread if name != "all"]
+    spread = {f"s{i}": truths[name] for i, name in enumerate(train)}
+    ids, whole = list(spread), np.concatenate([truths[name].points for name in train])
+    spread["all"] = packing.Cloud(whole, np.zeros(len(train) * NUM_TRUTH, dtype=bool))
     again = baselines.mean_shape(spread, ids, ["all"], SIZES, SETTINGS)
     expected = baselines.mean_shape(spread, ids, [], SIZES, SETTINGS)
     assert all(np.array_equal(again[letter], expected[letter]) for letter in SIZES)
@@ -190,13 +185,10 @@ def test_oracle_with_a_full_shortlist_attains_the_smallest_distance(experiment):
     train, test = experiment.categories["chair"]["train"], experiment.categories["chair"]["test"]
     everything = scoring.EvaluateConfig(oracle_points=20, oracle_shortlist=len(train), seed=5)
     choice = baselines.oracle_choice(test, train, truths, SIZES["L"], everything, jobs=1)
+    drawn = {name: baselines.subset(truths[name].benchmark_points(), SIZES["L"], 5, name) for name in train}
     for shape in test:
-        scores = {
-            name: _brute(
-                baselines.subset(truths[name].benchmark_points(), SIZES["L"], 5, name), truths[shape].benchmark_points()
-            )
-            for name in train
-        }
+        truth = truths[shape].benchmark_points()
+        scores = {name: _brute(cloud, truth) for name, cloud in drawn.items()}
         assert choice[shape] == min(scores, key=lambda name: scores[name])
 
 

@@ -21,12 +21,9 @@ def test_effects_are_over_the_next_model_and_their_interval_is_of_a_paired_test(
     (table, *_) = model_sections.results_section(results).blocks
     assert isinstance(table, pages.Table)
     row = model_sections.effects(results, table).rows[0]
-    means = {
-        name: more[(more["category"] == "chair") & (more["method"] == own) & (more["column"] == "Pi_g-L")]
-        .groupby("id")["f_score_tau"]
-        .mean()
-        for name, own in model_sections.MODELS
-    }
+    chairs = more[(more["category"] == "chair") & (more["column"] == "Pi_g-L")]
+    of_shapes = chairs.groupby(["method", "id"])["f_score_tau"].mean()
+    means = {name: of_shapes[own] for name, own in model_sections.MODELS}
     best, second, _ = sorted(means, key=lambda name: -means[name].mean())
     low, high = stats.ttest_rel(means[best], means[second]).confidence_interval()
     assert row[4] == best and row[6] == str(len(means[best]))
@@ -38,9 +35,8 @@ def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
     results = stage_results.read_results(reported[1])
     moved = results.per_image[results.per_image["method"] == scoring.DDF].assign(method=scoring.DDF_ON_MASK)
     table = results.table[results.table["method"] == scoring.DDF].assign(method=scoring.DDF_ON_MASK)
-    both = dataclasses.replace(
-        results, trainings=[pd.concat([results.per_image, moved])], table=pd.concat([results.table, table])
-    )
+    scored = pd.concat([results.per_image, moved])
+    both = dataclasses.replace(results, trainings=[scored], table=pd.concat([results.table, table]))
     blocks = model_sections.results_section(both).blocks
     (mask,) = (block for block in blocks if isinstance(block, pages.Table) and "on the mask" in block.header[3])
     assert not any(isinstance(cell, pages.Cell) and cell.best for row in mask.rows for cell in row)  # the same scores
@@ -54,11 +50,8 @@ def test_seconds_of_a_test_image_stand_beside_the_columns(reported):
         "PC-SIREN": {"encoders": 0.2, "cloud": 0.01},
     }
     table = model_sections.seconds(dataclasses.replace(results, seconds=noted))
-    assert table is not None and [row[1:] for row in table.rows] == [
-        ["DDF", "1.10"],
-        ["PC-SIREN", "0.21"],
-        ["DDF", "1.60"],
-    ]
+    assert table is not None
+    assert [row[1:] for row in table.rows] == [["DDF", "1.10"], ["PC-SIREN", "0.21"], ["DDF", "1.60"]]
 
 
 def _scored(**scores):
@@ -98,9 +91,8 @@ def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
 def test_relatives_have_rows_of_their_own():
     scores = {"a": [0.95], "b": [0.9], "c": [0.5]}
     ours = {"a": [0.9], "b": [0.8], "c": [0.6]}
-    found = model_sections.by_shape(
-        _results(_scored(oracle_retrieval=scores, ddf=ours, pc_siren=scores, ddf_image=ours)), "chair"
-    )
+    scored = _scored(oracle_retrieval=scores, ddf=ours, pc_siren=scores, ddf_image=ours)
+    found = model_sections.by_shape(_results(scored), "chair")
     table = model_sections.relatives_table({"chair": found, "car": found[found["nearest"] < 90]})
     assert table is not None and table.rows == [
         ["chair", "near", "1", "95.00", "90.00", "95.00", "90.00"],

@@ -40,9 +40,8 @@ def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(
     pred, truth = (mesh_io.read_points(clouds[name]) / found[0]["box_diagonal"] for name in ("pred", "truth"))
     assert found[0]["chamfer_l2_sq"] == pytest.approx(cloud_scores.compare_clouds(pred, truth).chamfer_l2_sq)
     assert "units: --relative takes shares of that" in shown("compare", large["pred"], large["truth"])[-1]
-    assert shown("compare", large["truth"], clouds["truth"])[-1].endswith(
-        "1,000 times the truth's: are its units others?"
-    )
+    told = shown("compare", large["truth"], clouds["truth"])[-1]
+    assert told.endswith("1,000 times the truth's: are its units others?")
     assert "share of the truth's squared diagonal" in shown("compare", *clouds.values(), "--relative")[1]
     assert "others" not in shown("compare", clouds["truth"], clouds["truth"])[-1]
 

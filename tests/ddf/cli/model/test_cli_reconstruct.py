@@ -41,9 +41,8 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
     out = tmp_path / "out"
     image = shipped_models.ROOT / "plane" / "sample_1.png"
     result = answer("reconstruct", image, "plane", out, "-n", 300)
-    assert {file.name for file in out.iterdir()} == {
-        *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
-    }
+    names = {"camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply"}
+    assert {file.name for file in out.iterdir()} == names
     points = mesh_io.read_points(out / "cloud.ply")
     whole = ddf.reconstruct(image, "plane").points
     np.testing.assert_allclose(points, whole[:300], atol=1e-5)

@@ -29,9 +29,8 @@ def test_drawn_samples_belong_to_their_shapes_and_types():
     for row, depth in ((0, 0.75), (1, 0.25)):
         seen = batch.visible[row, known] == 1
         assert 0 < int(seen.sum()) < len(seen)
-        torch.testing.assert_close(
-            batch.depth[row, known][seen], torch.full((int(seen.sum()),), depth), atol=1e-4, rtol=0
-        )
+        found = batch.depth[row, known][seen]
+        torch.testing.assert_close(found, torch.full_like(found, depth), atol=1e-4, rtol=0)
         assert bool((batch.depth[row, known][~seen] == 0).all())
     cosine = (batch.normals * batch.directions).sum(-1)[:, known]
     assert float(cosine.max()) < -0.99
@@ -52,10 +51,8 @@ def test_shards_give_what_was_written(tmp_path):
         storage.save_tensors(tmp_path / f"{number}{category_data.CLOUDS}", arrays, {"ids": names})
         storage.write_json(tmp_path / f"{number:03d}.json", {"files": written})
     read, shapes = category_data.read_samples(tmp_path, ids[::-1]), category_data.read_shapes(tmp_path, ids[::-1])
-    drawn = (
-        whole.draw(np.array(order), COUNTS, np.random.default_rng(0))
-        for whole, order in ((samples, [2, 0, 1]), (read, [0, 2, 1]))
-    )
+    both = ((samples, [2, 0, 1]), (read, [0, 2, 1]))
+    drawn = (whole.draw(np.array(order), COUNTS, np.random.default_rng(0)) for whole, order in both)
     for one, two in zip(*(vars(batch).values() for batch in drawn), strict=True):
         assert torch.equal(one, two) if isinstance(one, torch.Tensor) else one == two
     for i in range(3):

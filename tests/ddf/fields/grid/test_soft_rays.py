@@ -12,20 +12,15 @@ from ddf.fit import fit_folder
 
 
 def _soft(mesh, radius: float) -> soft_rays.SoftPatches:
-    return soft_rays.SoftPatches(
-        patch_field.of(*patch_field.fitted(*fit_folder.in_cube(mesh), octree.PatchConfig())), radius
-    )
-
-
-def _down(x: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
-    starts = torch.from_numpy(np.stack((x, np.full_like(x, 0.1), np.full_like(x, 3.0)), -1))
-    return starts, torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64).expand(len(x), 3)
+    fitted = patch_field.fitted(*fit_folder.in_cube(mesh), octree.PatchConfig())
+    return soft_rays.SoftPatches(patch_field.of(*fitted), radius)
 
 
 def test_visibility_falls_over_an_edge_as_the_share_of_the_disc_and_is_certain_elsewhere():
     soft, side = _soft(cube(), 0.1), 1 - patch_field.MARGIN
     x = np.linspace(-0.3, 0.3, 601) + side
-    starts, ways = (each.clone().requires_grad_() for each in _down(x))
+    starts = torch.from_numpy(np.stack((x, np.full_like(x, 0.1), np.full_like(x, 3.0)), -1)).requires_grad_()
+    ways = torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64).repeat(len(x), 1).requires_grad_()
     logit = soft(starts, ways)[:, pddf.VISIBILITY_ROW]
     share = (torch.sigmoid(logit).detach().numpy() * (soft_rays.COUNT + 1) - 0.5) / soft_rays.COUNT
     inside = np.clip((side - x) / 0.1, -1, 1)

@@ -20,11 +20,6 @@ def _area(points, faces):
     return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
 
 
-def _shoelace(flat):
-    x, y = flat.T
-    return abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-
-
 def _triangulate(*loops):
     points = np.concatenate(loops)
     counts = np.array([len(loop) for loop in loops])
@@ -45,7 +40,8 @@ def test_stars_are_covered_from_any_corner_and_either_way_and_use_every_corner(c
     flat = rng.uniform(0.1, 1.0, corners)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     points, faces, crossing = _triangulate(_placed(np.roll(flat, start, axis=0)[::step], seed))
     assert crossing == 0 and set(faces.ravel()) == set(range(corners)) and len(faces) == corners - 2
-    assert _area(points, faces) == pytest.approx(_shoelace(flat), rel=1e-9)
+    x, y = flat.T
+    assert _area(points, faces) == pytest.approx(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2, rel=1e-9)
 
 
 def test_quadrilateral_with_a_repeated_corner_or_three_on_a_line_is_covered():
