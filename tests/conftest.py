@@ -3,6 +3,7 @@
 import functools
 import os
 from pathlib import Path
+from typing import Any
 
 import jaxtyping
 import pytest
@@ -57,3 +58,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: "/examples/" not in item.nodeid)  # the file that takes longest comes first
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Of `-m faults`, how many are noticed, by room."""
+    rooms: dict[str, list[bool]] = {}
+    for outcome in ("passed", "failed"):
+        for report in terminalreporter.stats.get(outcome, []):
+            if (name := report.nodeid.partition("test_a_fault_is_noticed[")[2]) and report.when == "call":
+                rooms.setdefault(name.partition(":")[0], []).append(outcome == "passed")
+    for room, noticed in sorted(rooms.items()):
+        terminalreporter.write_line(f"{room}: {sum(noticed)} of {len(noticed)} faults noticed")

@@ -72,11 +72,12 @@ def test_rows_have_the_paired_gain_and_its_error():
         "image": [
             {"f_score_tau_x100": f, "chamfer_l2_sq_x1000": 0.1234567, "seconds": 1.0} for f in (10.0, 20.0, 30.0)
         ],
+        "nearest": [{"f_score_tau_x100": f, "chamfer_l2_sq_x1000": 1.0, "seconds": 1.0} for f in (11.0, 21.0, 31.0)],
         "depth": [{"f_score_tau_x100": f, "chamfer_l2_sq_x1000": 1.0, "seconds": 2.0} for f in (12.0, 24.0, 36.0)],
     }
-    image, depth = complete.rows("chair", "test", found)
+    image, _, depth = complete.rows("chair", "test", found)
     assert "f_gain" not in image["error"] and image["size"]["shapes"] == 3
-    assert depth["error"]["f_gain"] == pytest.approx(4)
+    assert (depth["error"]["f_gain"], depth["error"]["f_over_nearest"]) == pytest.approx((4, 3))
     assert depth["error"]["f_gain_error"] == pytest.approx(2 / np.sqrt(3))
     assert depth["median_s"] == 2
     assert image["each"] == {"f_score_tau_x100": [10, 20, 30], "chamfer_l2_sq_x1000": [0.12346] * 3}

@@ -4,6 +4,7 @@ Exact values of the two spheres are a closed form; those of the meshes are Open3
 Lengths are those of a shape whose longest side is 2.
 """
 
+import functools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from ddf.data.samples.draws import Surface
 from ddf.data.synthetic import showcase
@@ -30,6 +32,7 @@ NAMES = ("two_spheres", "room", "rabbit", "airliner", "armchair")
 POINTS = 1000
 NEAR = 0.05  # of the longest side's half: how far from the surface the points near it lie
 TURNED_DEG = 30.0
+SOFT = (0.05, 0.5)  # η_T of the soft minimum
 SLICES = {"two_spheres": (0.5,), "rabbit": (0.25, 0.5, 0.75), "armchair": (0.5,)}  # z, of the box
 TITLES = {"two_spheres": "two spheres", "room": "room of five planes"}
 _SPHERES = 0.4, 1.1  # radius and distance of `showcase.two_spheres`
@@ -73,7 +76,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         cost = f"{counted.queries / 1000:,.0f} k queries, {time.process_time() - started:.1f} s of a core"
         ways = _ways(field, nearest, cloud, cost)
         if name == "rabbit":
-            ways["the paper's g_v"] = _network(field, config, folder / "candidates")
+            ways |= _network(field, config, folder / "candidates")
         rows += _rows(TITLES.get(name, name), field, mesh, nearest, ways)
         for level in SLICES.get(name, ()):
             heading = f"{TITLES.get(name, name)}, z at {100 * level:.0f} %"
@@ -94,8 +97,9 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         labels=2,
     )
     said = (
-        "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do. g_v: the least of its "
-        "depths, where the paper's mean is soft, and η_T = 0.05, which flatters it."
+        "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do. g_v, soft: the paper's means of"
+        " depths and of candidates, at all points; it gives no η_T. Least: of candidates that see one, with v*"
+        f" of η_T = {udf.TEMPERATURE:g}, not the paper's. ε_s = {udf.INVERSE_DEPTH:g}."
     )
     return pages.Section("Unsigned distances and v*", [figure, table, said])
 
@@ -132,21 +136,38 @@ def _ways(field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud
     }
 
 
-def _network(field: ShapeField, config: figure_fields.FiguresConfig, folder: Path) -> Ask:
-    """The way of g_v."""
+def _network(field: ShapeField, config: figure_fields.FiguresConfig, folder: Path) -> dict[str, Ask]:
+    """The ways of g_v."""
     recipe, back = candidate_recipe(config), field.field_from_mesh.inverse()
     network = closest_candidates.fit(field, recipe, folder)
     took = training_loop.read_log(folder)[-1]["seconds"]
     asked, once = closest_candidates.asked(field.field), f"{recipe.steps:,} steps of {recipe.points:,}, {took:.0f} s"
 
-    def ask(positions: Float[np.ndarray, "n 3"]) -> Found:
+    def ask(positions: Float[np.ndarray, "n 3"], blend: scene_field.Blend | None = None) -> Found:
         inside = torch.from_numpy(field.field_from_mesh.apply(positions)).float()
-        found = udf.from_candidates(asked, inside, network(inside))
+        found = from_candidates(asked, inside, network(inside), blend)
         distances = found.distances.double().numpy() * back.scale
         ways = back.apply_directions(found.directions.double().numpy())
         return Found(np.where(np.isfinite(distances), distances, np.nan), ways, udf.NUM_CANDIDATES, once)
 
-    return ask
+    ways: dict[str, Ask] = {"the paper's g_v, least depth": ask}
+    for each in SOFT:
+        blend = scene_field.Blend(each, udf.INVERSE_DEPTH)
+        ways[f"the paper's g_v, soft, η_T = {each:g}"] = functools.partial(ask, blend=blend)
+    return ways
+
+
+@torch.no_grad()
+def from_candidates(
+    ask: udf.Ask, positions: Float[Tensor, "n 3"], candidates: Float[Tensor, "n k 3"], blend: scene_field.Blend | None
+) -> udf.Closest:
+    """As `udf.from_candidates`, or with a blend the paper's Σ w_i d_i and the unit vector along Σ w_i v_i."""
+    if blend is None:
+        return udf.from_candidates(ask, positions, candidates)
+    answer = ask(positions.unsqueeze(-2).expand_as(candidates), candidates, False)
+    found, weights = scene_field.compose(answer.visibility.T.numpy(), answer.depth.T.numpy(), blend)
+    mean = (torch.from_numpy(weights).T[..., None] * candidates).sum(dim=-2)
+    return udf.Closest(torch.from_numpy(found["depth"]), torch.nn.functional.normalize(mean, dim=-1))
 
 
 def candidate_recipe(config: figure_fields.FiguresConfig) -> closest_candidates.CandidateConfig:

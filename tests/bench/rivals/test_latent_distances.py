@@ -1,14 +1,19 @@
 """The rival of completion has to be right: distances without closed meshes, its training, its surface, its descent."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import _shapes
 import numpy as np
 import pytest
 import torch
 
+from bench.reconstruction import complete
 from bench.rivals import latent_distances
+from ddf.data.synthetic import render
 from ddf.fields import siren
 from ddf.fit import completion
-from ddf.geometry import primitives, raycast, rays, scans, transforms
+from ddf.geometry import neighbours, primitives, raycast, rays, scans, transforms
 from ddf.geometry.mesh_io import Mesh
 
 SHAPES, UNSEEN = 24, 0.63  # spheres in training, and the radius of one that is completed
@@ -67,3 +72,14 @@ def test_a_scan_of_one_side_gives_a_sphere_that_was_not_trained_on(model):
     assert np.linalg.norm(cloud, axis=1).mean() == pytest.approx(UNSEEN, abs=0.015)
     gaps = np.linalg.norm(cloud[:, None] - cloud, axis=-1) + 10 * np.eye(400)
     assert gaps.min() > 0.5 * np.median(gaps.min(axis=1))  # evenly
+
+
+def test_its_row_of_the_bench_is_scored_where_the_shape_stands(model):
+    place, mesh = transforms.Similarity(0.5, np.eye(3), np.array([0.1, 0.0, 0.0])), _shapes.icosphere(4, UNSEEN)
+    vertices = place.apply(mesh.vertices)
+    parts: Any = SimpleNamespace(vertices=vertices, triangles=mesh.faces)
+    truth, views = neighbours.Neighbours(complete.K * vertices), [render.View(20.0, 30.0, 1.5)]
+    config = completion.CompletionConfig(draws=4, steps=60, axes=4)
+    completer = latent_distances.Completer.of(model, config)
+    told = complete.by_distances(completer, complete.Case(parts, truth, place, views))
+    assert told["chamfer_l2_sq_x1000"] < 0.5 and told["evaluations_x1000"] > 1

@@ -104,8 +104,8 @@ def test_help_and_version_import_nothing_that_takes_long(lines, kept_out):
 
 
 def test_negative_values_are_no_options():
-    given = ["--camera", "-30,10,.9", "-n", "-5", "--flag", "a", "-.5", "--", "-1"]
-    assert frame.with_negative_values(given) == ["--camera=-30,10,.9", "-n-5", "--flag", "a", "-.5", "--", "-1"]
+    given = ["--camera", "-30,10,.9", "-n", "-5", "--noise", "-.5", "a", "-.5", "--", "-1"]
+    assert frame.with_negative_values(given) == ["--camera=-30,10,.9", "-n-5", "--noise=-.5", "a", "-.5", "--", "-1"]
     assert frame.with_negative_values(["--camera=1", "-2"]) == ["--camera=1", "-2"]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ddf.core import checks, parallel, storage
+from ddf.core import checks, notes, parallel, storage
 
 
 def _square(bad: set[int], killers: set[int], items, shard: parallel.Shard) -> parallel.ShardResult:
@@ -37,6 +37,16 @@ def _map(out_dir: Path, items: Sequence[int] = range(10), bad=(), killers=(), **
 def _calls(out_dir: Path) -> list[int]:
     """Shards that were computed, sorted."""
     return sorted(map(int, (out_dir.parent / "calls").read_text().split()))
+
+
+def test_a_note_fits_while_all_its_files_are_as_they_were(tmp_path):
+    files = [tmp_path / name for name in ("a", "b")]
+    for file in files:
+        file.write_text("1")
+    (note := notes.Note(tmp_path / "note.json", "f")).write(files)
+    assert note.fits()
+    files[1].write_text("2")
+    assert not note.fits()
 
 
 @pytest.fixture
