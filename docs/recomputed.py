@@ -8,8 +8,9 @@ import functools
 import itertools
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -34,6 +35,22 @@ ROWS = MODELS | {"retrieval": "retrieval", "mean shape": "mean_shape"}  # of the
 ALONE = {"ceiling": "ceiling", "oracle retrieval": "oracle_retrieval"}  # and who does not
 CAMERAS = {"Π<sub>g</sub>": "Pi_g", "Π̂<sub>∇</sub>": "Pi_corrected", "Π̂": "Pi_pred"}
 Cell = tuple[str, str, str, str]  # category, method, column, metric
+Key = TypeVar("Key")
+
+
+def chance(gap: float, error: float, freedom: float) -> float:
+    """Of a gap so far from 0 where there is none: Student's t, two-sided."""
+    return float(2 * stats.t.sf(abs(gap) / error, freedom))
+
+
+def held(chances: Mapping[Key, float]) -> set[Key]:
+    """Those that Holm's correction leaves, at 5 %."""
+    ranked, left = sorted(chances, key=chances.__getitem__), set[Key]()
+    for number, key in enumerate(ranked):
+        if chances[key] > 0.05 / (len(ranked) - number):
+            break
+        left.add(key)
+    return left
 
 
 class Scores:
@@ -65,20 +82,29 @@ class Scores:
     def better(self, pairs: set[tuple[Cell, Cell]]) -> set[tuple[Cell, Cell]]:
         """Those pairs that Holm's correction leaves, the better cell first."""
         gaps = {pair: self.gap(*pair) for pair in pairs}
-        found = sorted(
-            (2 * stats.t.sf(abs(gap) / error, freedom), pair) for pair, (gap, error, freedom) in gaps.items()
-        )
-        left = set()
-        for number, (chance, pair) in enumerate(found):
-            if chance > 0.05 / (len(found) - number):
-                break
-            left.add(pair if gaps[pair][0] > 0 else pair[::-1])
-        return left
+        left = held({pair: chance(*gap) for pair, gap in gaps.items()})
+        return {(one, two) if gaps[one, two][0] > 0 else (two, one) for one, two in left}
 
-    def told(self, cell: Cell) -> str:
-        """Over the best of the other models: how much, the interval of 95 %, how many shapes and trainings."""
+    def verdicts(self, cells: Collection[Cell]) -> dict[Cell, int]:
+        """Of a table's cells: 1 for what is claimed to be better than all others beside it, -1 for worse, else 0."""
+        rivals = [cell for cell in cells if cell[2].endswith("-L") and cell[3] in CLAIMED]
+        rivals = [cell for cell in rivals if cell[1] not in ALONE.values()]
+        alike = [pair for pair in itertools.combinations(rivals, 2) if all(pair[0][i] == pair[1][i] for i in (0, 2, 3))]
+        better, found = self.better(set(alike)), dict[Cell, int]()
+        for cell in cells:
+            others = [one if two == cell else two for one, two in alike if cell in (one, two)]
+            won = all((cell, other) in better for other in others)
+            lost = all((other, cell) in better for other in others)
+            found[cell] = won - lost  # of no others both
+        return found
+
+    def told(self, cell: Cell, way: int = 1) -> str:
+        """Over the best of the other models (way -1: under the worst): how much, its interval of 95 %, of how many
+        shapes and trainings.
+        """
         others = [(cell[0], method, *cell[2:]) for method in MODELS.values() if method != cell[1]]
-        gap, error, freedom = min(self.gap(cell, other) for other in others if other[:3] in self.groups)
+        pairs = [(cell, other)[::way] for other in others if other[:3] in self.groups]
+        gap, error, freedom = min(self.gap(*pair) for pair in pairs)
         trainings, shapes = self.of(cell)[0].shape
         digits = 1 if METRICS[cell[3]][1] == 100 else 3
         of = f"{shapes} shapes, {trainings} training{'s' if trainings > 1 else ' alone'}"
@@ -115,15 +141,9 @@ def wrong(folder: Path) -> list[str]:
             half = 0.5 * 10.0 ** -len(said.partition(".")[2])
             if abs(float(said) - (mean := scores.of(cell)[1])) > 1.01 * half + 1e-4 * abs(mean):
                 found.append(f"{cell}: {value} is printed, {mean:.5g} measured")
-        primary = [cell for cell in cells if cell[2].endswith("-L") and cell[3] in CLAIMED]
-        rivals = [cell for cell in primary if cell[1] not in ALONE.values()]
-        alike = [pair for pair in itertools.combinations(rivals, 2) if all(pair[0][i] == pair[1][i] for i in (0, 2, 3))]
-        better = scores.better(set(alike))
-        for cell in cells:
-            others = [one if two == cell else two for one, two in alike if cell in (one, two)]
-            best = bool(others) and all((cell, other) in better for other in others)
-            if best != cells[cell].startswith("**"):
-                found.append(f"{cell}: {cells[cell]} should {'' if best else 'not '}be bold")
+        for cell, verdict in scores.verdicts(cells).items():
+            if (verdict > 0) != cells[cell].startswith("**"):
+                found.append(f"{cell}: {cells[cell]} should {'' if verdict > 0 else 'not '}be bold")
     return found + [f"{line!r} is not said" for line in said_of(text) if line not in text]
 
 

@@ -13,7 +13,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy import stats
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from ddf.core import config
 from docs import recomputed
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,6 +33,9 @@ METRICS = {
 PRINTED = {"D_C": "D<sub>C</sub> ↓", "F(τ)": "F<sub>τ</sub> ↑"}
 LABELS = {"D<sub>C</sub> ↓": "D_C", "F<sub>τ</sub> ↑": "F(τ)", "F<sub>2τ</sub> ↑": "F(2τ)"}  # of reports
 MODELS = {"DDF": "ddf", "PC-SIREN": "pc_siren", "DDF+image": "ddf_image"}
+WHERE = {"true": "Pi_g", "predicted": "Pi_pred"}
+KINDS = {"procedural": "cpu", "real": "real"}  # reports by their shapes
+NEAR = 90  # F(τ) of a relative, as in reports
 PAIRS = {  # rows with D_C and F(τ) in one cell
     "DDF, true camera": ("ddf", "Pi_g-L"),
     "DDF, true camera, one projection cycle instead of three": ("ddf_nh1", "Pi_g-L"),
@@ -37,12 +44,16 @@ PAIRS = {  # rows with D_C and F(τ) in one cell
     "PC-SIREN, predicted camera": ("pc_siren", "Pi_pred-L"),
     "DDF+image, true camera": ("ddf_image", "Pi_g-L"),
     "DDF+image, predicted camera": ("ddf_image", "Pi_pred-L"),
+    "DDF, mean latent of three images": ("ddf_3views", "Pi_g-L"),
+    "PC-SIREN, mean latent of three images": ("pc_siren_3views", "Pi_g-L"),
     "DDF+image, three images, true cameras": ("ddf_image_3views", "Pi_g-L"),
     "one cloud for all images": ("mean_shape", "Pi_g-L"),
     "retrieval of the nearest training image": ("retrieval", "Pi_g-L"),
     "ceiling: the truth against itself": ("ceiling", "Pi_g-L"),
     "oracle: the best training shape": ("oracle_retrieval", "Pi_g-L"),
 }
+COMPLETED = ("chair", "plane")  # by `ddf complete`
+HARD = ("depth, 1 % noise", "depth, 2 % noise", "depth, 10 % outliers", "lidar")
 CAMERAS = {  # median errors
     "azimuth, degrees": ("Pi_pred", "azimuth_error_deg_median", 1),
     "turned round, % of images": ("Pi_pred", "azimuth_turned_x100", 0),
@@ -129,24 +140,49 @@ def far(measured: Measured, rows: Rows) -> Rows:
     return [[name, *values] for (name, *_), values in zip(rows, (ranks, counts), strict=True)]
 
 
+def relatives(measured: Measured, rows: Rows) -> Rows:
+    """F(τ) of the models over planes that the nearest training shape comes near, and over the others."""
+    scores, models = recomputed.Scores(measured.folder), (*MODELS.values(), "oracle_retrieval")
+    *found, known = (
+        scores.of((f"{measured.group} plane", own, "Pi_g-L", PRINTED["F(τ)"]))[0].mean(0) for own in models
+    )
+    near = known > NEAR
+    return [
+        [f"{name.partition(',')[0]}, {which.sum()}", *(f"{each[which].mean():.1f}" for each in found)]
+        for (name, *_), which in zip(rows, (near, ~near), strict=True)
+    ]
+
+
+def favours(rows: Rows) -> Rows:
+    """The choices, with how much longer DDF+image was trained."""
+    longer = " and ".join(f"{ratio(report):.2f} ({kind})" for kind, report in KINDS.items())
+    return [[f"Minutes of training, × {longer}", *row[1:]] if row[0].startswith("Minutes") else row for row in rows]
+
+
 def best(measured: Measured) -> str:
-    """Which model has the best means of D_C and F(τ) at both cameras, and which of them are claimed to be better."""
-    found, claimed = Counter[str](), dict[str, list[str]]()
-    scores = recomputed.Scores(measured.folder) if measured.claims else None
+    """Which model has the best means of D_C and F(τ) at both cameras, and which are claimed to be better, or worse."""
+    found, claimed = Counter[str](), {1: dict[str, list[str]](), -1: dict[str, list[str]]()}
+    scores = recomputed.Scores(measured.folder) if measured.open else None
+    verdicts = scores.verdicts(next(recomputed.tables(measured.page))) if scores else {}
     for camera, category, metric in itertools.product(("true", "predicted"), CATEGORIES, ("D_C", "F(τ)")):
-        column, name = {"true": "Pi_g-L", "predicted": "Pi_pred-L"}[camera], METRICS[metric][0]
+        column, (name, digits), less = f"{WHERE[camera]}-L", METRICS[metric], metric == "D_C"
         keys = {model: (category, own, column, name) for model, own in MODELS.items()}
         there = {model: measured.value(*key) for model, key in keys.items() if key in measured.rows}
-        found[(min if metric == "D_C" else max)(there, key=lambda model: there[model])] += 1
-        for model, key in keys.items():
-            if scores and key in measured.claims:
-                cell = (f"{measured.group} {category}".strip(), key[1], column, PRINTED[metric])
-                claimed.setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({scores.told(cell)})")
+        found[(min if less else max)(there, key=lambda model: there[model])] += 1
+        for model, value in there.items():
+            cell = (f"{measured.group} {category}".strip(), MODELS[model], column, PRINTED[metric])
+            if scores and (way := verdicts.get(cell)):
+                told, known = scores.told(cell, way), (category, "retrieval", "Pi_g-L", name)
+                if way > 0 and known in measured.rows and (measured.value(*known) < value) == less:
+                    told += f"; retrieval is better: {measured.text(*known, digits=digits - (not less), spread=False)}"
+                claimed[way].setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({told})")
     means = f"Best of {found.total()} means: {', '.join(f'{name} {count}' for name, count in found.most_common())}."
     if not measured.open:
         return f"{means} None is claimed to be better: scores per image of this run were not kept."
-    said = "; ".join(f"{who}: {', '.join(cells)}" for who, cells in claimed.items()) or "none"
-    return f"{means} Claimed to be better than both other models: {said}."
+    better, worse = (
+        "; ".join(f"{who}: {', '.join(cells)}" for who, cells in claimed[way].items()) or "none" for way in (1, -1)
+    )
+    return f"{means} Claimed to be better than both other models: {better}. Claimed to be worse than both: {worse}."
 
 
 def bench(name: str) -> list[dict]:
@@ -189,7 +225,7 @@ def one_shape(rows: Rows) -> Rows:
 
 
 def completed(rows: Rows) -> Rows:
-    """D_C, F(τ), and the gain in F(τ) over the image, of rows measured with it."""
+    """D_C, F(τ), and the gain in F(τ) over the image with its interval, of rows whose scores are kept by shape."""
     kinds = {
         "from the image": "image",
         "mean": "mean",
@@ -197,17 +233,86 @@ def completed(rows: Rows) -> Rows:
         "weaker": "sdf, 4000 steps, prior 0.01",
         "signed": "sdf",
     }
-    found, filled = {row["what"]: row for row in bench("complete")}, []
+    found, filled = scanned(), []
     for name, *_ in rows:
         kind, cells = next((own for word, own in kinds.items() if word in name), "depth"), [name]
-        for category in ("chair", "plane"):
-            row = found[f"{category}, test: {kind}"]
-            error = row["error"]
-            cells.append(f"{error['chamfer_l2_sq_x1000']:.3f}, {error['f_score_tau_x100']:.1f}")
-            if "f_gain" in error and "each" in row:
-                cells[-1] += f", {error['f_gain']:.1f} ± {error['f_gain_error']:.1f}"
+        for category in COMPLETED:
+            error = found[category, kind]["error"]
+            cells.append(f"{error[CHAMFER]:.3f}, {error[F_TAU]:.1f}")
+            if "each" in found[category, kind] and kind != "image":
+                mean, deviation, freedom = over_image(category, F_TAU, kind)
+                cells[-1] += f", {mean:.1f} ± {stats.t.ppf(0.975, freedom) * deviation:.1f}"
         filled.append(cells)
     return filled
+
+
+def scanned() -> dict[tuple[str, str], dict]:
+    """The rows of test shapes of the benchmark of `ddf complete`, by category and way."""
+    return {tuple(row["what"].split(", test: ")): row for row in bench("complete")}
+
+
+def over_image(category: str, metric: str, kind: str = "depth") -> tuple[float, float, float]:
+    """By how much a score is above that from the image: mean over shapes, its standard error, degrees of freedom."""
+    first, second = (np.array(scanned()[category, way]["each"][metric]) for way in (kind, "image"))
+    paired = first - second[: len(first)]
+    return paired.mean(), paired.std(ddof=1) / np.sqrt(paired.size), paired.size - 1
+
+
+def gains() -> str:
+    """Where a scan is claimed to be better than an image, and where to be worse."""
+    gaps = {(c, m): over_image(c, m) for c in COMPLETED for m in (CHAMFER, F_TAU)}
+    left = recomputed.held({key: recomputed.chance(*gap) for key, gap in gaps.items()})
+    names = {CHAMFER: "D<sub>C</sub>", F_TAU: "F"}
+    said = {True: list[str](), False: list[str]()}
+    for c, m in sorted(left):
+        said[(gaps[c, m][0] > 0) == (m == F_TAU)].append(f"{c}s by {names[m]}")
+    better, worse = (" and ".join(said[way]) or "none" for way in (True, False))
+    return f"a scan is better than an image for {better}; worse for {worse}."
+
+
+def seconds() -> str:
+    """Of completions by all scans."""
+    every = [row["median_s"] for (_, way), row in scanned().items() if way.startswith(("depth", "lidar"))]
+    return f"{min(every):.0f} to {max(every):.0f} s of one core, without its cloud."
+
+
+def hard(category: str, metric: str, digits: int) -> str:
+    """The range of an error over scans with noise, outliers or a lidar."""
+    every = [row["error"][metric] for (c, way), row in scanned().items() if c == category and way in HARD]
+    assert len(every) == len(HARD)
+    return f"{min(every):.{digits}f} to {max(every):.{digits}f}"
+
+
+def intervals() -> str:
+    """What they hold, how wide they are."""
+    chair, plane = (scanned()[category, "depth"]["error"] for category in COMPLETED)
+    halves = [row["error"]["coverage_50"] for row in scanned().values() if "coverage_50" in row["error"]]
+    return (
+        f"{chair['coverage_90']:.0f} % (chairs) and {plane['coverage_90']:.0f} % (planes) end in intervals of 90 %, "
+        f"a median of {chair['width_90']:.2f} and {plane['width_90']:.2f} half sides wide; with noise, outliers or "
+        f"lidar {' and '.join(hard(category, 'coverage_90', 1) for category in COMPLETED)} %. More than 90 % is too "
+        f"wide. Intervals of 50 % hold {min(halves):.0f} to {max(halves):.0f} %."
+    )
+
+
+def harder() -> str:
+    """Scores with noise, outliers or a lidar."""
+    (chairs, chair), (planes, plane) = ([hard(c, F_TAU, 1), hard(c, CHAMFER, 3)] for c in COMPLETED)
+    few = scanned()["chair", "lidar"]["size"]["shapes"]
+    return f"the first {few} chairs reach F {chairs}, D<sub>C</sub> {chair}, {few} planes {planes}, {plane}."
+
+
+def pose_off() -> str:
+    """What is left of a wrong pose."""
+    chair, plane = (scanned()[category, "depth, pose off"]["error"] for category in COMPLETED)
+    left, other = (f"{each['angle_deg']:.1f} degrees and {each['scale_percent']:.1f} %" for each in (chair, plane))
+    return f"a median of {left} was left for chairs, F {chair[F_TAU]:.1f}; {other} for planes, F {plane[F_TAU]:.1f}."
+
+
+def older() -> str:
+    """Whether rows of signed distances are of older code than the others."""
+    rows = [row for (_, way), row in scanned().items() if way.startswith("sdf")]
+    return "" if all("code" in row for row in rows) else f" Its {len(rows)} rows are older than the others."
 
 
 def told_apart(rows: Rows) -> Rows:
@@ -257,6 +362,12 @@ TABLES: list[tuple[str, str, Fill]] = [  # page, the line above the table, what 
     ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", of("real:real", cameras)),
     ("docs/results.md", "Real shapes, baselines, true camera (more in README):", of("real:real", pairs)),
     ("docs/results.md", "### Where they fail", of("real:real", far)),
+    (
+        "docs/results.md",
+        f"Real planes whose nearest training shape has F(τ) over {NEAR}, and others, true camera, F(τ):",
+        of("real:real", relatives),
+    ),
+    ("docs/results.md", "## Choices that favour one model", favours),
     ("README.md", "On procedural shapes:", of("cpu", pairs, 1, False)),
     ("docs/results.md", "### True camera", of("cpu", at_camera)),
     ("docs/results.md", "### Predicted camera", of("cpu", at_camera, "Pi_pred")),
@@ -277,21 +388,74 @@ NUMBER = re.compile(r"\**[-–]?[\d.,]*\d( ?(%|ms|s|°))?\**([;,±] ?.*| ± .*)?
 CLAIMS = [("README.md", "On real shapes:", "real:real"), ("README.md", "On procedural shapes:", "cpu")]
 
 
-TIMES = [  # page, how its line of times begins, report
-    ("README.md", "- Time, procedural shapes: ", "cpu"),
-    ("docs/results.md", "- Time, procedural shapes: ", "cpu"),
-    ("docs/results.md", "- Time, real shapes: ", "real"),
+def related() -> str:
+    """Of the real shapes that the package's models learned, those of makers of test shapes, as the cards have them."""
+    said = []
+    for name in CATEGORIES:
+        card = (ROOT / "src" / "ddf" / "shipped" / name / "card.md").read_text()
+        if found := re.search(r"(?m)^- (\d+ of \d+) shapes of other people are of makers", card):
+            said.append(f"{found[1]} {name}s")
+    return f"{', '.join(said)}."
+
+
+RELATED = "Makers of test shapes made some real ones that the models learned: "
+LINES: list[tuple[str, str, Callable[[], str]]] = [  # page, how a line begins, what it says then
+    (
+        "README.md",
+        "- Minutes and seconds: [results](docs/results.md#budget-and-time). DDF+image trained for ",
+        lambda: f"{ratio('cpu'):.2f} times the others' minutes, {ratio('real'):.2f} on real shapes.",
+    ),
+    ("README.md", RELATED, related),
+    ("docs/gallery.md", RELATED, related),
+    ("docs/complete.md", f"- {RELATED}", related),
+    ("docs/results.md", "- Time, procedural shapes: ", lambda: times("cpu")),
+    ("docs/results.md", "- Time, real shapes: ", lambda: times("real")),
+    ("docs/complete.md", "- Gains: paired, ± half the interval of 95 %. Claimed (Student's t, Holm): ", gains),
+    ("docs/complete.md", "- A completion takes ", seconds),
+    ("docs/complete.md", "- Of all hit rays of another view ", intervals),
+    ("docs/complete.md", "- With noise of 1 or 2 % of the diagonal, a tenth of outliers, or 496 lidar rays, ", harder),
+    ("docs/complete.md", "- A pose off by 30 degrees, 10 % of the size and 5 % in place: ", pose_off),
+    (
+        "docs/complete.md",
+        "- Signed distances: an auto-decoder of the same size on the same shapes, trained as long; a descent on its "
+        "latent asks it for as many values.",
+        older,
+    ),
 ]
 
 
-def times(report: str) -> str:
-    """What trainings and a test image took, as the report has it."""
+def trained(report: str) -> dict[str, float]:
+    """Minutes of training by model, as the report has them."""
     page = (ROOT / "reports" / report / "README.md").read_text()
-    trained = re.search(r"(?m)^Wall time of the trainings, summed over categories: (.*)\.$", page)
+    line = re.search(r"(?m)^Wall time of the trainings, summed over categories: (.*)\.$", page)
+    assert line
+    return {name: float(minutes) for name, minutes in re.findall(r"(\S+) ([\d.]+) min", line[1])}
+
+
+def ratio(report: str) -> float:
+    """How much longer than the mean of the others DDF+image was trained."""
+    *others, longer = (trained(report)[name] for name in MODELS)
+    return longer / (sum(others) / len(others))
+
+
+def steps(report: str, section: str) -> int:
+    """Of a training, as the experiment of the report's name has them."""
+    layers = config.layers(ROOT / "configs" / f"{report}.yaml")[section]
+    return next(given["steps"] for _, given in reversed(layers) if "steps" in given)
+
+
+def times(report: str) -> str:
+    """What trainings and a test image took, as the report has it, and the steps of its experiment."""
+    page = (ROOT / "reports" / report / "README.md").read_text()
     image = dict(re.findall(r"(?m)^\| Π<sub>g</sub>, Π̂ \| (\S+) \| ([\d.]+) \|$", page))
-    assert trained and list(image) == list(MODELS)
+    assert list(image) == list(MODELS)
+    sections = [method.replace("pc_siren", "pcsiren") for method in MODELS.values()]
+    taken = [
+        f"{name} {trained(report)[name]:.1f} min ({steps(report, own):,}{' steps' * (name == 'DDF')})"
+        for name, own in zip(MODELS, sections, strict=True)
+    ]
     images = ", ".join(f"{name} {seconds} s" for name, seconds in image.items())
-    return f"trainings {trained[1]}; a test image {images}."
+    return f"trainings {', '.join(taken)}, {ratio(report):.2f} times the others'; a test image {images}."
 
 
 def parts(text: str, above: str) -> tuple[str, str, str]:
@@ -319,6 +483,8 @@ if __name__ == "__main__":
     for page, above, report in CLAIMS:
         before, table, after = parts((ROOT / page).read_text(), above)
         (ROOT / page).write_text(before + table + re.sub(r"\A\n- .*", f"\n- {best(Measured(report))}", after))
-    for page, begins, report in TIMES:
+    for page, begins, fill in LINES:
         text = (ROOT / page).read_text()
-        (ROOT / page).write_text(re.sub(rf"(?m)^{begins}.*$", begins + times(report), text))
+        before, found, after = text.partition(f"\n{begins}")
+        assert found, begins
+        (ROOT / page).write_text(f"{before}{found}{fill()}\n{after.partition(chr(10))[2]}")

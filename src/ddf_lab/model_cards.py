@@ -171,12 +171,27 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
         ],
         "Limits": [
             "Trained on renders alone: real photographs are outside of what it knows.",
-            f"Any object is taken for a {name}. Images without alpha are cut out by their background or `--mask`.",
+            f"It makes a {name} of any object, and warns of some: next line.",
             told,
+            "Images without alpha are cut out by their background or `--mask`.",
+            *related(seen),
         ],
         "Licence": licence(seen),
     }
     return write_card(out, name, "reconstruction", f"Camera and field of a {name} from one RGBA image.", sections)
+
+
+def related(seen: Sequence[manifest.Row]) -> list[str]:
+    """How many of the real shapes are of the makers, or are aircraft of the types, of public test shapes."""
+    rows = {row.id: row for row in seen}
+    tests = [row for row in manifest.of({row.category for row in seen}) if row.split == "test"]
+    apart = {row.id for row in manifest.unrelated([*rows.values(), *tests])}
+    families = sorted({row.family for name, row in rows.items() if name not in apart})
+    count = sum(name not in apart for name in rows)
+    told = (
+        f"{count} of {len(rows)} shapes of other people are of makers or types of test shapes: {', '.join(families)}."
+    )
+    return [told] if count else []
 
 
 def licence(seen: Sequence[manifest.Row]) -> list[str]:

@@ -1,5 +1,6 @@
 """The models that come with the package: small, whole, described, and as good as what they were rounded from."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -63,10 +64,27 @@ def test_every_model_loads_is_small_and_has_a_card(entry):
             assert credits["licence"].str.startswith(manifest.FREE).all() and not credits.isna().any(axis=None)
     card = (folder / model_cards.CARD).read_text()
     assert card.startswith(f"# {entry['name']}\n\n{entry['summary']}\n")
+    if entry["kind"] != "field":
+        public = {row.id: row for row in manifest.of([entry["name"]])}
+        titles = pd.read_csv(folder / model_cards.SOURCES)["title"]
+        told = model_cards.related([public.get(title) or _row("CC0-1.0", title, entry["name"]) for title in titles])
+        assert [line for line in card.splitlines() if "makers" in line] == [f"- {each}" for each in told]
+        assert bool(told) == (entry["name"] != "plane") and f"- It makes a {entry['name']} of any object" in card
 
 
-def _row(licence, creator):
-    return manifest.Row(creator + licence, "chair", "train", "p", "a.obj", "", "x y z", (), licence, creator)
+def test_relatives_of_test_shapes_are_counted_once_and_named():
+    tests = {row.family for row in manifest.of(["chair"]) if row.split == "test" and row.family}
+    first, second = sorted(tests)[:2]
+    near, far = (dataclasses.replace(_row("CC0-1.0", name), family=name) for name in (second, "nobody"))
+    other = dataclasses.replace(near, id="other", family=first)
+    assert model_cards.related([near, near, far]) == [
+        f"1 of 2 shapes of other people are of makers or types of test shapes: {second}."
+    ]
+    assert model_cards.related([near, other])[0].endswith(f": {first}, {second}.") and not model_cards.related([far])
+
+
+def _row(licence, creator, category="chair"):
+    return manifest.Row(creator + licence, category, "train", "p", "a.obj", "", "x y z", (), licence, creator)
 
 
 def test_makers_stand_once_below_their_licence():
