@@ -4,6 +4,7 @@ import json
 import shutil
 import struct
 from pathlib import Path
+from typing import Any
 
 import _models
 import numpy as np
@@ -73,7 +74,8 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
 
 
 def _glb_is_as_viewers_want_it(out, faces):
-    data, given = (out / "shape.glb").read_bytes(), trimesh.load(out / "shape.ply", process=False)
+    given: Any = trimesh.load(out / "shape.ply", process=False)
+    data = (out / "shape.glb").read_bytes()
     size = struct.unpack_from("<I", data, 12)[0]
     tree = json.loads(data[20 : 20 + size])
     (drawn,), found = tree["meshes"][0]["primitives"], {}
