@@ -93,6 +93,15 @@ class Reconstruction:
         return out_of_distribution.verdict(self.unlike, self.kind)
 
     @cached_property
+    def overlaps(self) -> list[float]:
+        """Of every picture: intersection over union of its silhouette and the field's, from its camera."""
+        from ddf.reconstruction import several_images, solid
+
+        views = self._found.views if isinstance(self._found, several_images.Reconstructed) else [self.view]
+        pairs = zip(self._found.cameras.tolist(), views, strict=True)
+        return [solid.Paint(self.field.framed, (a, e, r), view).overlap() for (a, e, r), view in pairs]
+
+    @cached_property
     def paint(self) -> "solid.Paint":
         """The field in the picture's colours, seen from anywhere."""
         from ddf.reconstruction import solid
@@ -108,7 +117,7 @@ class Reconstruction:
         out = Path(folder)
         field, mesh = self.field, self.mesh
         with one_image.timed(self.seconds, "picture"):
-            sheet, overlap = self.paint.sheet(), self.paint.overlap()
+            sheet, overlaps = self.paint.sheet(), [round(each, 3) for each in self.overlaps]
         out.mkdir(parents=True, exist_ok=True)
         field.save(out)
         for name in MESHES:
@@ -118,10 +127,10 @@ class Reconstruction:
             sheet.save(temporary, "PNG")
         result = {
             "camera": self.camera,
-            "cameras": self.cameras,
+            "cameras": [c | {"silhouette_iou": iou} for c, iou in zip(self.cameras, overlaps, strict=True)],
             "points": len(self.points),
             "faces": len(mesh.faces),
-            "silhouette_iou": round(overlap, 3),
+            "silhouette_iou": overlaps[0],
             "unlike_training": self.unlike,
             "verdict": self.verdict,
             "seconds": {name: round(value, 4) for name, value in self.seconds.items()},

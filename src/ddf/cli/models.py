@@ -1,7 +1,10 @@
 """Commands about trained models: the shipped ones, a thing from an image or a scan, new shapes, files of a model."""
 
+import csv
 import dataclasses
+import re
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -22,6 +25,7 @@ BATCHES = (1, 7, 65536)  # rays that an ONNX file and its model are compared wit
 _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
+_SOURCES, _CARD = "sources.csv", "card.md"  # beside a shipped model
 _AGREES = 0.85  # overlap of the outlines of a reconstruction and its picture, under which a line warns
 
 
@@ -38,6 +42,9 @@ def models() -> dict[str, Any]:
     """
     listed = shipped_models.listed()
     rows = [(m.name, m.kind, f"{m.num_bytes / 1e6:.1f} MB", m.summary) for m in listed]
+    licences = {m.name: _licences(m.folder / _SOURCES) for m in listed if _SOURCES in m.files}
+    said = [f"{name}: shapes of {', '.join(f'{k} {v}' for k, v in own.items())}" for name, own in licences.items()]
+    credits = [*said, f"who made each: {shipped_models.ROOT.as_posix()}/NAME/{_SOURCES}"] if said else []
     return {
         "models": [
             {
@@ -47,12 +54,19 @@ def models() -> dict[str, Any]:
                 "bytes": m.num_bytes,
                 "summary": m.summary,
                 "files": sorted(m.files),
+                "licences": licences.get(m.name, {}),
             }
             for m in listed
         ],
-        "table": results.grid(("name", "kind", "size", "what"), rows),
+        "table": [*results.grid(("name", "kind", "size", "what"), rows), *credits],
         "verdict": f"{len(listed)} models; a name stands wherever a command takes a FIELD or a MODEL of its kind",
     }
+
+
+def _licences(table: Path) -> dict[str, int]:
+    """How many shapes of other people trained a model, by licence, the most first."""
+    with table.open(encoding="utf-8", newline="") as lines:
+        return dict(Counter(row["licence"] for row in csv.DictReader(lines)).most_common())
 
 
 @models.action("get")
@@ -129,7 +143,8 @@ def reconstruct(
     for group, folder in zip(groups, outs, strict=True):
         found = of(group, points, seed, mask, background, cameras).save(folder)
         made.append(found | {"image": group[0].as_posix(), "out": folder.as_posix()})
-    lines = [_line(result) for result in made]
+    rates = _rates(model)
+    lines = [_line(result, group, rates) for result, group in zip(made, groups, strict=True)]
     seconds = round(time.monotonic() - cli.STARTED, 1)
     found = {"command_seconds": seconds, "table": lines, "verdict": f"{len(made)} pictures after {seconds} s"}
     alone = {"table": {}, "verdict": f"{lines[0]} after {seconds} s"}
@@ -145,15 +160,30 @@ def _folders(images: Sequence[Path], out: Path) -> list[Path]:
     return [out] if len(images) == 1 else [out / name for name in names]
 
 
-def _line(result: Mapping[str, Any]) -> str:
+def _rates(model: Path) -> tuple[str, str]:
+    """How often the verdict is wrong, both ways, as the model's card says; empty where it does not."""
+    folder = shipped_models.place(model)
+    card = (folder.parent if folder.is_file() else folder) / _CARD
+    text = card.read_text(encoding="utf-8") if card.is_file() else ""
+    found = re.search(r"calls no \w+: (\d+%) of (\d+ \w+), (.+), of shapes", text)
+    if found is None:
+        return "", ""
+    passed = [100 - int(share) for share in re.findall(r"(\d+)%", found[3])]
+    return f"so are {found[1]} of {found[2]}", f"{min(passed)} to {max(passed)}% of other things pass too"
+
+
+def _line(result: Mapping[str, Any], images: Sequence[Path], rates: tuple[str, str]) -> str:
     from ddf.models import out_of_distribution
 
     view = result["camera"]
-    far = result["silhouette_iou"] < _AGREES
-    doubt = f"; its outline is not the picture's: they overlap by {result['silhouette_iou']:.2f}" if far else ""
+    overlaps = zip(images, (each["silhouette_iou"] for each in result["cameras"]), strict=True)
+    far = ", ".join(f"{image.name} by {overlap:.2f}" for image, overlap in overlaps if overlap < _AGREES)
+    doubt = f"; its outline is not the picture's: they overlap in {far}" if far else ""
     unlike = result["unlike_training"] or 0.0
     bound = out_of_distribution.FAR if unlike >= out_of_distribution.FAR else out_of_distribution.UNUSUAL
-    by = f" (unlike_training {unlike:.2f}, bound {bound:.2f})" if unlike >= bound else ""
+    told = [f"unlike_training {unlike:.2f}, bound {bound:.2f}"] if unlike >= bound else []
+    told += [rate for rate in [rates[unlike < out_of_distribution.FAR]] if rate]
+    by = f" ({'; '.join(told)})" if told else ""
     return (
         f"{result['image']}: {result['verdict']}{by}; seen from {view['azimuth_deg']:.0f},{view['elevation_deg']:.0f},"
         f"{view['radius']:.2f}; {result['points']:,} points and {result['faces']:,} triangles in {result['out']}{doubt}"

@@ -2,11 +2,13 @@
 
 Each picture is framed and its camera predicted, or told. Cameras of several pictures that were predicted then turn
 until the pictures agree: from the camera of each, the field of all others must show that picture's silhouette. (The
-field of a picture has the silhouette of that picture from its own camera, whatever the camera.)
+field of a picture has the silhouette of that picture from its own camera, whatever the camera.) Azimuths alone turn:
+silhouettes tell elevation and radius less well than the model does.
 """
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -24,14 +26,21 @@ ROUNDS = 2  # of all pictures, at each
 MASK = 32  # pixels a side of the silhouettes that are compared
 
 
+@dataclass(frozen=True)
+class Reconstructed(one_image.Reconstructed):
+    """As of one image. views: the object of every picture as it was framed, which the camera of each sees."""
+
+    views: Sequence[UInt8[np.ndarray, "s s 4"]]
+
+
 def reconstruct(
     trained: line_field.TrainedImageDDF,
     pictures: Sequence[UInt8[np.ndarray, "_ _ 4"]],
     points: int,
     seed: int = 0,
     seen_from: Sequence[given_cameras.Camera] | None = None,
-) -> one_image.Reconstructed:
-    """Field, cloud and cameras of the object; the view is that of the first picture.
+) -> Reconstructed:
+    """Field, cloud and cameras of the object; `view` is that of the first picture.
 
     Args:
       pictures: of `cutouts.read`, all of one object. points: that the cloud must have, 2 or more.
@@ -64,8 +73,8 @@ def reconstruct(
     lower, upper = one_image.box_of(cloud, field.lower, field.upper)
     field = line_field.ImageField(field.decoder, field.views, lower, upper)
     points_v1 = cloud.double().cpu().numpy() / line_field.FIELD_FROM_V1
-    view = cutouts[0].crop(frames[0], one_image.VIEW)
-    return one_image.Reconstructed(field, points_v1, each.cameras[:, 0], view, scores, seconds)
+    views = [cutout.crop(frame, one_image.VIEW) for cutout, frame in zip(cutouts, frames, strict=True)]
+    return Reconstructed(field, points_v1, each.cameras[:, 0], views[0], scores, seconds, views)
 
 
 def _framed(

@@ -12,7 +12,7 @@ from PIL import Image
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from ddf.cli import frame
+from ddf.cli import frame, models
 from ddf.core import checks, storage
 from ddf.data import cutouts
 from ddf.fields import model_files
@@ -123,7 +123,7 @@ def test_far_away_the_object_is_magnified():
     assert (own & truth).sum() > 0.85 * (own | truth).sum()  # by perspective it differs
 
 
-def test_the_field_of_three_pictures_is_their_hull(folder, tmp_path, monkeypatch):
+def test_the_field_of_three_pictures_is_their_hull(folder, tmp_path, monkeypatch, capsys):
     torch.manual_seed(0)
     train, config = dataclasses.replace(_hand_made.TRAIN, image_size=64), line_field.LineFieldConfig(32, 16)
     model = line_field.ImageDDFModel(train, config)
@@ -133,11 +133,22 @@ def test_the_field_of_three_pictures_is_their_hull(folder, tmp_path, monkeypatch
     record = {"kind": "ddf_image", "train": dataclasses.asdict(train), "section": dataclasses.asdict(config)}
     storage.save_tensors(tmp_path / "hull" / model_files.MODEL, dict(model.state_dict()), record)
     saved = []
-    made = {"points": 0, "faces": 0, "verdict": "", "silhouette_iou": 1.0, "unlike_training": None}
-    save = "ddf.api.reconstruction.Reconstruction.save"
-    monkeypatch.setattr(save, lambda found, _: saved.append(found) or made | {"camera": found.camera})
+    made = {"points": 0, "faces": 0, "verdict": "", "unlike_training": None}
+
+    def save(found, _):
+        saved.append(found)
+        seen = [{"silhouette_iou": overlap} for overlap in found.overlaps]
+        return made | {"camera": found.camera, "cameras": seen}
+
+    monkeypatch.setattr("ddf.api.reconstruction.Reconstruction.save", save)
     words = ("reconstruct", *_images(folder), tmp_path / "hull", tmp_path, "--together", "--cameras")
     assert frame.main([str(word) for word in (*words, folder / "transforms.json")]) == 0
+    assert len(saved[0].overlaps) == 3 and min(saved[0].overlaps) > 0.85 and "outline" not in capsys.readouterr().out
+    views = saved[0]._found.views
+    object.__setattr__(saved[0]._found, "views", [views[0], views[0].transpose(1, 0, 2), views[2]])
+    del saved[0].overlaps
+    few, name = save(saved[0], None) | {"image": "a", "out": "b"}, _images(folder)[1].name
+    assert f"they overlap in {name} by 0." in models._line(few, _images(folder), ("", ""))
     points = saved[0].points
     for around in AROUND:
         camera = cameras.degrees_to_radians(np.array(around))

@@ -12,8 +12,8 @@ from _support import stopped
 
 from ddf.data.batches import category_data
 from ddf.fields import model_files
-from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.training import reconstruction_steps, training_loop
+from ddf.models import line_field, reconstruction_models, reconstruction_settings
+from ddf.training import line_steps, reconstruction_steps, training_loop
 
 ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 DEVICES = ("cpu", pytest.param("cuda", marks=(pytest.mark.gpu, ABSENT)))
@@ -25,6 +25,7 @@ DDF, PCSIREN = reconstruction_settings.DDFConfig(), reconstruction_settings.PCSi
 SECTIONS = {
     "ddf": dataclasses.replace(DDF, counts=dict.fromkeys(DDF.counts, 6), mask_size=8),
     "pcsiren": dataclasses.replace(PCSIREN, points=20, truth_points=20),
+    "ddf_image": line_field.LineFieldConfig(places=8, width=16, rays=36),
 }
 
 
@@ -38,6 +39,10 @@ def _trial(model):
         samples = memory.holds("samples", _hand_made.samples())
         network = reconstruction_models.DDFModel(TRAIN, section.field)
         loss = functools.partial(reconstruction_steps.ddf_step, network, images, shapes, samples, TRAIN, section)
+    elif model == "ddf_image":
+        samples, network = memory.holds("samples", _hand_made.samples()), line_field.ImageDDFModel(TRAIN, section)
+        network.fit_box(shapes)
+        loss = functools.partial(line_steps.ddf_image_step, network, images, shapes, samples, TRAIN, section)
     else:
         network, shapes = reconstruction_models.PCSirenModel(TRAIN), memory.holds("clouds", shapes)
         loss = functools.partial(reconstruction_steps.pcsiren_step, network, images, shapes, TRAIN, section)

@@ -2,15 +2,20 @@
 
 import json
 import shutil
+import struct
+from pathlib import Path
+from typing import Any
 
 import _models
 import numpy as np
 import pytest
 import torch
+import trimesh
 from PIL import Image
 
 import ddf
 from ddf.api import reconstruction
+from ddf.cli import models
 from ddf.core import shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import model_files
@@ -52,6 +57,7 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
         assert mesh_topology.is_watertight(mesh) and len(mesh.faces) == result["faces"] > 0
         away = np.abs(mesh_io.vertex_normals(mesh)).sum(axis=1) > 0
         assert away.mean() > 0.99
+    _glb_is_as_viewers_want_it(out, result["faces"])
     field = ddf.load(out)  # patches of the mesh: a ray towards a vertex ends there or before
     start, ends = np.array([3.0, 2.0, 1.0]), mesh.vertices[::50]
     far = np.linalg.norm(ends - start, axis=1)
@@ -62,8 +68,37 @@ def test_reconstruct_writes_a_thing(tmp_path, answer):
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
     assert json.loads((out / "camera.json").read_text())["verdict"] == result["images"][0]["verdict"]
     assert 0.65 <= result["camera"]["radius"] <= 0.95
-    assert 0.8 < result["silhouette_iou"] < 1
+    assert 0.8 < result["silhouette_iou"] == result["cameras"][0]["silhouette_iou"] < 1
     assert result["command_seconds"] > sum(result["seconds"].values()) and "picture" in result["seconds"]
+
+
+def _glb_is_as_viewers_want_it(out, faces):
+    given: Any = trimesh.load(out / "shape.ply", process=False)
+    data = (out / "shape.glb").read_bytes()
+    size = struct.unpack_from("<I", data, 12)[0]
+    tree = json.loads(data[20 : 20 + size])
+    (drawn,), found = tree["meshes"][0]["primitives"], {}
+    for name, number in drawn["attributes"].items():
+        entry = tree["accessors"][number]
+        assert (entry["componentType"], entry["type"], entry["count"]) == (5126, "VEC3", len(given.vertices))
+        start = 28 + size + tree["bufferViews"][entry["bufferView"]]["byteOffset"]
+        found[name] = np.frombuffer(data, "<f4", 3 * entry["count"], start).reshape(-1, 3)
+    assert set(found) == {"POSITION", "NORMAL", "COLOR_0"}
+    indices, place = tree["accessors"][drawn["indices"]], tree["accessors"][drawn["attributes"]["POSITION"]]
+    assert (indices["componentType"], indices["type"], indices["count"]) == (5125, "SCALAR", 3 * faces)
+    assert place["min"] == found["POSITION"].min(axis=0).tolist()
+    assert place["max"] == found["POSITION"].max(axis=0).tolist()
+    np.testing.assert_allclose(found["POSITION"], given.vertices, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(found["NORMAL"], axis=1), 1, atol=1e-5)
+    srgb = np.round(
+        255
+        * np.where(
+            found["COLOR_0"] <= 0.0031308, 12.92 * found["COLOR_0"], 1.055 * found["COLOR_0"] ** (1 / 2.4) - 0.055
+        )
+    )  # linear light back to sRGB, which the PLY holds
+    np.testing.assert_array_equal(srgb, given.visual.vertex_colors[:, :3])
+    material = tree["materials"][drawn["material"]]["pbrMetallicRoughness"]
+    assert material["metallicFactor"] == 0 and material["roughnessFactor"] > 0.5
 
 
 def test_how_many_points_are_asked_for_changes_no_field():
@@ -107,3 +142,11 @@ def test_the_verdict_is_a_sentence(model_dir, image, monkeypatch):
         found.add_to(model_dir)
         assert ddf.reconstruct(image, model_dir, n=20).verdict == words
     assert out_of_distribution.verdict(0.92, "chair") == "unusual: expect errors"
+    told = models._rates(Path("plane"))
+    assert told == ("so are 3% of 665 planes", "0 to 21% of other things pass too")  # as its card says
+    assert models._rates(model_dir) == ("", "")
+    made = {"verdict": "V", "unlike_training": 0.97, "cameras": [{"silhouette_iou": 0.9}], "image": "a", "out": "b"}
+    made |= {"points": 1, "faces": 1, "camera": {"azimuth_deg": 0.0, "elevation_deg": 0.0, "radius": 1.0}}
+    for unlike, by in ((0.97, f"unlike_training 0.97, bound 0.95; {told[0]}"), (0.2, told[1])):
+        line = models._line(made | {"unlike_training": unlike}, [image], told)
+        assert line.startswith(f"a: V ({by}); seen from 0,0") and "outline" not in line
