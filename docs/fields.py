@@ -3,18 +3,22 @@
 Its metadata hold the checksums of the fields.
 """
 
-import io
 import json
 from pathlib import Path
 
+import labelled
 from PIL import Image
 
 import ddf
-from ddf.pictures import field_pictures, picture_strips
+from ddf.pictures import field_pictures
 from ddf_lab.engine import publish
 
-FIELDS = ("rabbit", "armchair", "airliner", "nested")
-OUTPUTS = {"depth": "Depth", "normals": "Normals", "mean_curvature": "Mean curvature"}
+FIELDS = tuple(f"{name}-network" for name in ("rabbit", "armchair", "airliner", "nested"))
+OUTPUTS = {  # each picture has its own scale
+    "depth": "Depth: yellow near, violet far, 1st to 99th percentile of each",
+    "normals": "Normals: red, green and blue are X, Y and Z, from -1 to 1",
+    "mean_curvature": "Mean curvature: blue < 0 < red, full at each one's 95th percentile",
+}
 SIDE = 280  # pixels of each picture
 OUT = Path(__file__).with_suffix(".webp")
 
@@ -22,12 +26,12 @@ OUT = Path(__file__).with_suffix(".webp")
 def main() -> None:
     """One row an output, one column a field."""
     asked = (*OUTPUTS, "visibility")
-    images = [ddf.load(f"{name}-network").render(size=SIDE, outputs=asked) for name in FIELDS]
+    images = [ddf.load(name).render(size=SIDE, outputs=asked) for name in FIELDS]
     rows = [
-        picture_strips.StripRow(label, (), [field_pictures.picture(output, each) for each in images])
+        (label, FIELDS, [Image.fromarray(field_pictures.picture(output, each)) for each in images])
         for output, label in OUTPUTS.items()
     ]
-    sheet = Image.open(io.BytesIO(picture_strips.strip(FIELDS, rows, len(FIELDS), SIDE)))
+    sheet = labelled.sheet(rows)
     sheet.save(OUT, quality=80, xmp=json.dumps(publish.shipped("field")).encode())
 
 

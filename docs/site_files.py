@@ -26,6 +26,7 @@ PAGES = [
     "docs/*.webp",
     "docs/*.svg",
     "docs/*.css",
+    "docs/*.js",
     "reports/**/*.md",
 ]
 LINKED = (
@@ -34,6 +35,11 @@ LINKED = (
 
 API, BENCH, GALLERY, CARD = "docs/api.md", "reports/bench/README.md", "docs/gallery.md", "docs/fields.webp"
 LONG_TABLE = 16  # lines
+NAMED = {  # parts of the theme's pages that have no name of their own, by what their tags hold
+    'data-md-component="search" role="dialog"': "Search",
+    'id="__search"': "Search",
+    'id="__drawer"': "Navigation",
+}
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -89,10 +95,29 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
     if config.site_url:
         facts["image"] = config.site_url.rstrip("/") + "/" + CARD
     card = "".join(f'<meta property="og:{name}" content="{html.escape(str(text))}">' for name, text in facts.items())
-    return output.replace("</head>", f"{card}</head>", 1)
+    return named(output).replace("</head>", f"{card}</head>", 1)
+
+
+def on_post_template(output_content: str, template_name: str, **_: Any) -> str:
+    """The page of what is not found has the same parts."""
+    return named(output_content) if template_name == "404.html" else output_content
+
+
+def named(page: str) -> str:
+    """Names, for those who hear the page, of parts of the theme that have none.
+
+    Raises:
+      LookupError: the theme's pages are not as `NAMED` says.
+    """
+    for part, name in NAMED.items():
+        if page.count(part) != 1:
+            raise LookupError(f"{part} is in a page {page.count(part)} times; mend NAMED in docs/site_files.py")
+        page = page.replace(part, f'{part} aria-label="{name}"')
+    return page
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Replaces the formulas that arithmatex found; browsers draw MathML themselves."""
+    """Replaces the formulas that arithmatex found; browsers draw MathML themselves. A header without text is none."""
+    content = re.sub(r"<th([^>]*)>\s*</th>", r"<td\1></td>", content)
     formula = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
     return formula.sub(lambda found: converter.convert(html.unescape(found[1])), content)

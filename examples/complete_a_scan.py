@@ -20,7 +20,10 @@ if __name__ == "__main__":
     if scan is None:
         chair = ddf.reconstruct(shipped_models.ROOT / "chair" / "sample_0.png", "chair").field
         scan = ddf.lidar(chair, beams=args.beams, columns=720, noise=0.003)
-    found = ddf.complete(scan, "chair", noise=0.003)
+    try:
+        found = ddf.complete(scan, "chair", noise=0.003)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
     found.save("whole_chair")  # ddf render whole_chair chair.png; ddf surface whole_chair chair.ply
     for name, part in (("seen", found.seen), ("inferred", ~found.seen)):
         print(f"{name}: {part.mean():.0%}, the surface within {np.nanmedian(found.spread[part]):.4f}")

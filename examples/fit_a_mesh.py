@@ -17,8 +17,11 @@ if __name__ == "__main__":
     parser.add_argument("--rays", type=int, default=2000)
     args = parser.parse_args()
 
-    mesh = ddf.read_mesh(args.mesh)
-    field = ddf.fit(mesh, minutes=args.minutes, out=args.out)
+    try:
+        mesh = ddf.read_mesh(args.mesh)
+        field = ddf.fit(mesh, minutes=args.minutes, out=args.out)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
 
     lower, upper = field.box
     random = np.random.default_rng(0)

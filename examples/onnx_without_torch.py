@@ -3,6 +3,7 @@
 python examples/onnx_without_torch.py FIELD.onnx  a file that `ddf export` wrote
 """
 
+import argparse
 import sys
 
 import numpy as np
@@ -10,7 +11,12 @@ import numpy as np
 import ddf
 
 if __name__ == "__main__":
-    field = ddf.load(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("field", help="a .onnx file")
+    try:
+        field = ddf.load(parser.parse_args().field)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
     lower, upper = field.box
     heights = np.linspace(lower[1], upper[1], 7)  # in the frame of the mesh
     middle = (lower + upper) / 2

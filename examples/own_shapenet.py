@@ -16,9 +16,12 @@ if __name__ == "__main__":
     parser.add_argument("out", type=Path, help="folder that gets train_list.txt and test_list.txt")
     args = parser.parse_args()
 
-    listing = {synset: shapenet.list_shapes(args.root, synset) for synset in shapenet.list_classes(args.root)}
-    classes = splits.split(listing)
-    args.out.mkdir(parents=True, exist_ok=True)
+    try:
+        listing = {synset: shapenet.list_shapes(args.root, synset) for synset in shapenet.list_classes(args.root)}
+        classes = splits.split(listing)
+        args.out.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
     for part in ("train", "test"):
         text = splits.list_text(classes, part)
         (args.out / f"{part}_list.txt").write_text(text)

@@ -20,7 +20,11 @@ if __name__ == "__main__":
     parser.add_argument("--points", type=int, default=5000)
     args = parser.parse_args()
 
-    found = ddf.reconstruct(args.image, args.model, n=args.points)
+    try:
+        Path(args.out).parent.resolve(strict=True)  # before the work
+        found = ddf.reconstruct(args.image, args.model, n=args.points)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
     np.savez(args.out, points=found.points)
     print(f"{len(found.points)} points from {found.points.min(axis=0).round(2)} to {found.points.max(axis=0).round(2)}")
     print("camera: " + ", ".join(f"{name} {value:.2f}" for name, value in found.camera.items()))

@@ -16,7 +16,10 @@ if __name__ == "__main__":
     parser.add_argument("--shift", type=float, default=0.1, help="how far it is moved along X")
     args = parser.parse_args()
 
-    field = ddf.load(args.field)
+    try:
+        field = ddf.load(args.field)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
     scan = ddf.depth_camera(field, size=32)  # in its place may stand what a depth camera gave
     cosine, sine = np.cos(np.radians(args.turn)), np.sin(np.radians(args.turn))
     start = np.array([[cosine, 0, sine, args.shift], [0, 1, 0, 0], [-sine, 0, cosine, 0], [0, 0, 0, 1]])

@@ -4,6 +4,7 @@ python examples/render_it.py rabbit rabbit.png --size 256
 """
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -17,9 +18,12 @@ if __name__ == "__main__":
     parser.add_argument("--size", type=int, default=256, help="pixels a side")
     args = parser.parse_args()
 
-    pictures = ddf.load(args.field).render(
-        azimuth_deg=35, elevation_deg=25, size=args.size, outputs=("visibility", "normals")
-    )
+    try:
+        Path(args.out).parent.resolve(strict=True)  # before the work
+        field = ddf.load(args.field)
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
+    pictures = field.render(azimuth_deg=35, elevation_deg=25, size=args.size, outputs=("visibility", "normals"))
     light = np.array([0.6, 0.7, 0.4]) / np.linalg.norm([0.6, 0.7, 0.4])
     shade = 0.25 + 0.75 * np.clip(pictures["normals"] @ light, 0, 1)
     picture = np.where(pictures["visibility"] >= 0.5, shade, 1.0)  # a white background

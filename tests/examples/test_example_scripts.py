@@ -90,6 +90,27 @@ def test_reconstruct_an_image(tmp_path):
     assert re.search(r"azimuth_deg .*elevation_deg .*radius \d", said)
 
 
+@pytest.mark.parametrize(
+    "line, said",
+    [
+        ("complete_a_scan.py --scan no.npz", "No such file .*no.npz"),
+        ("fit_a_mesh.py notes.txt field", "notes.txt: mesh files must end in"),
+        ("onnx_without_torch.py", "arguments are required: field"),
+        ("onnx_without_torch.py no.onnx", "no.onnx: no such file"),
+        ("own_shapenet.py no lists", "no: no such folder"),
+        ("reconstruct_an_image.py no/chair.npz", "No such file .*'no'"),
+        ("reconstruct_an_image.py chair.npz --image no.png", "no.png: no such image"),
+        ("recover_pose.py --field no", "no: no such file or folder"),
+        ("render_it.py rabbit no/rabbit.png", "No such file .*'no'"),
+    ],
+)
+def test_a_path_that_is_wrong_is_told_in_one_line(line, said, here, tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(SystemExit, match=r"^2$"):
+        here(*line.split())
+    assert re.search(rf"(?m)^{line.split()[0]}: error: .*{said}.*\n\Z", capsys.readouterr().err)
+
+
 def test_onnx_without_torch(tmp_path):
     said = _run(tmp_path, "onnx_without_torch.py", str(ddf.load("rabbit-network").export(tmp_path / "rabbit.onnx")))
     depths = [float(depth) for depth in re.findall(r"depth +([\w.]+)", said)]

@@ -299,6 +299,25 @@ def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
     opened.require_quiet()
 
 
+PUT = """() => {
+  const [view, opening, put] = [ddf.view, ddf.view.mode, ddf.view.put.bind(ddf.view)];
+  const covered = () => document.getElementById("first") !== null;
+  window.before = covered();
+  view.put = (what) => (put(what), view.mode !== opening && (window.told ??= [what.full, covered()]));
+}"""
+
+
+def test_another_mode_asked_at_once_is_not_covered_by_the_opening_picture(browser, tmp_path):
+    viewer_page.write(tmp_path / "first.html", views.page_of([RABBIT]))
+    page = browser.new_page()
+    page.goto((tmp_path / "first.html").as_uri())
+    page.wait_for_function("() => window.ddf", timeout=PATIENCE_MS)
+    page.evaluate(PUT)
+    page.keyboard.press("2")
+    page.wait_for_function("() => window.told", timeout=PATIENCE_MS)
+    assert page.evaluate("[before, told, ddf.view.mode.key]") == [True, [False, False], "2"]
+
+
 @pytest.mark.parametrize(
     "asked, said",
     [
