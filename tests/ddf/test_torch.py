@@ -179,9 +179,7 @@ def test_what_is_no_field_and_no_radius_is_told():
     field, starts, ways = _patches(cube()), torch.zeros(4, 3), torch.eye(3)[[0, 1, 2, 0]]
     for given, told in (
         ((starts[:2], ways), "must fit each other"),
-        ((starts[:, :2], ways), "positions must have a last axis of length 3"),
         ((starts + torch.nan, ways), "positions must be finite"),
-        ((starts, ways / 0), "directions must be finite"),
         ((starts, 2 * ways), "directions must be unit length"),
         ((starts, ways, torch.ones(4, 4).triu() - torch.eye(4, 4).roll(1, 1).triu()), "pose must"),
         ((starts, ways, None, torch.zeros(3)), "none of one shape"),

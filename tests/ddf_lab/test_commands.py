@@ -1,12 +1,9 @@
 """`ddf info`: exact counts, the stages, and a cost stated before anything has run."""
 
 import json
-import shutil
 from pathlib import Path
 
 from ddf import cli
-from ddf.core import storage
-from ddf.data.public import manifest
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -21,28 +18,3 @@ def test_info_counts_and_lists(capsys):
     steps = dict.fromkeys(("ddf", "pcsiren", "ddf_image"), 100_000)
     shapes = dict.fromkeys(("chair", "plane", "car"))
     assert found["cost"] == {"shapes": shapes, "samples_per_shape": 80_000, "steps": steps, "trainings": 9}
-    for name, told in (("paper", "ddf with 25,647,367 parameters; 9 trainings"), ("generative", "parameters")):
-        assert cli.main(["info", str(ROOT / "configs" / f"{name}.yaml")]) == 0
-        assert capsys.readouterr().out.splitlines()[-1].endswith(told)
-
-
-def test_info_of_a_fit_and_of_figures_counts_the_field(capsys):
-    for name, last in (("fit", "report_shape@fit"), ("figures", "figures@figures")):
-        assert cli.main(["info", name, "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
-        assert found["parameters"] == {"field": 67_460} and found["stages"][-1] == last and "cost" not in found
-
-
-def test_info_counts_shapes_that_are_listed(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(ROOT / "configs", "configs")
-    shutil.copy(ROOT / "pipeline.yaml", ".")
-    rows = "".join(f"{name},{split}{',' * 11}\n" for name, split in (("a,chair", "train"), ("b,sofa", "train")))
-    storage.write_text(Path("own/manifest.csv"), f"{','.join(manifest.COLUMNS)}\n{rows}")
-    own = "{source: own, own: own, categories: {chair: null, sofa: null}, public: {copies: 4}}"
-    Path("configs/mine.yaml").write_text(f"base: smoke\ndataset: {own}\n")
-    shapes = [{"id": name, "train_views": [0], "test_views": []} for name in "abc"]
-    storage.write_json(Path("artifacts/mine/dataset/index.json"), {"categories": {"chair": {"shapes": shapes}}})
-    assert cli.main(["info", "configs/mine.yaml", "--json"]) == 0
-    cost = json.loads(capsys.readouterr().out)["cost"]
-    assert cost["shapes"] == {"chair": 3, "sofa": 1} and cost["samples_per_shape"] == 8_000

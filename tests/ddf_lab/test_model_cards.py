@@ -41,11 +41,6 @@ def test_rounded_weights_are_read_as_float32_and_say_so(tmp_path):
     assert_close(small(*points), whole(*points), rtol=1e-2, atol=1e-2)
 
 
-def test_every_model_is_listed():
-    fields = [name + kind for name in model_cards.FIELDS for kind in ("", "-network")]
-    assert [entry["name"] for entry in INDEX] == [*fields, "chair", "plane", "car"]
-
-
 @pytest.mark.parametrize("entry", INDEX, ids=lambda entry: entry["name"])
 def test_every_model_loads_is_small_and_has_a_card(entry):
     folder = ROOT / entry["name"]

@@ -1,6 +1,5 @@
-"""One holder at a time, a file system without locks is said, and signals end loops where they can go on."""
+"""One holder at a time, and signals end loops where they can go on."""
 
-import errno
 import os
 import signal
 
@@ -16,16 +15,6 @@ def test_a_second_holder_is_refused_with_the_number_of_the_first(tmp_path):
     with processes.locked(path, "", wait=False):
         pass
     assert path.read_bytes() == b""
-
-
-def test_a_file_system_without_locks_is_named_with_the_remedy(tmp_path, monkeypatch):
-    def none(*_):
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-
-    monkeypatch.setattr(processes.fcntl, "flock", none)
-    told = r"/lock: its file system has no locks \(No locks available\).* local disk"
-    with pytest.raises(checks.InputError, match=told):
-        processes.locked(tmp_path / "lock", "").__enter__()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

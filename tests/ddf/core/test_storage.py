@@ -99,20 +99,6 @@ def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.parametrize(
-    ("error", "name"),
-    [
-        (OSError(errno.ENOSPC, "full"), "a.txt"),
-        (OSError(errno.ENOENT, "absent", "other.txt"), "other.txt"),
-        (OSError("a message of its own"), None),
-    ],
-)
-def test_only_an_error_without_a_name_gets_one(error, name):
-    with pytest.raises(OSError) as caught, storage.naming("a.txt"):
-        raise error
-    assert caught.value is error and error.filename == name
-
-
 def test_folders_and_devices_are_not_replaced(tmp_path):
     for path in (tmp_path, "/dev/null"):
         with pytest.raises(checks.InputError, match="is not a regular file"):

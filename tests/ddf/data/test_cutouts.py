@@ -56,18 +56,6 @@ def test_a_jpeg_on_a_white_table_a_wall_and_a_mask(tmp_path):
     assert np.abs(colours.astype(int) - truth).mean() < 3  # the wall is taken out of the edges
 
 
-@pytest.mark.parametrize(
-    ("alpha", "left", "told"),
-    [(254, 480, "masks next to"), (255, 480, ""), (255, 0, "reaches the border"), (0, 480, "several objects?")],
-)
-def test_remarks_tell_what_a_picture_lacks(tmp_path, caplog, alpha, left, told):
-    pixels = np.full((768, 1024, 4), (250, 250, 250, alpha), np.uint8)
-    pixels[300:360, left : left + 60] = pixels[300 : 360 - alpha, 700:730] = (120, 70, 30, 255)
-    Image.fromarray(pixels).save(tmp_path / "small.png")
-    assert (cutouts.read(tmp_path / "small.png")[..., 3] >= 128).sum() == (3600 if alpha else 5400)
-    assert told in caplog.text and bool(told) == bool(caplog.text)
-
-
 @pytest.mark.parametrize("name", ["L.png", "LA.png", "I;16.png", "CMYK.jpg", "RGB.bmp"])
 def test_pictures_of_every_mode(tmp_path, name):
     mode = name[:-4]

@@ -220,13 +220,3 @@ def test_a_model_to_ship_learns_wide_shapes_and_those_that_ask_for_credit_at_mos
     for name, trained in made.items():
         before, after = (shapenet.model_path(root, CHAIR, name).read_bytes() for root in (plain, shipped))
         assert (before != after) == trained, "wide shapes train, and nothing else changes"
-
-
-def test_packages_that_nobody_can_fetch_are_all_named_at_once(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(checks.InputError) as caught:
-        _run(_config(source="both", categories={"chair": 10, "plane": 10}), tmp_path / "out")
-    told = str(caught.value)
-    assert told.count("_all.deb") == 6 and "call `ddf shapes get --from FOLDER`" in told and "\n" not in told
-    assert "sweethome3d-furniture_1.8-1_all.deb, " in told and "flightgear-data-ai_2020.3.16+dfsg-1_all.deb, " in told

@@ -45,14 +45,6 @@ def test_a_lost_rod_is_seen_as_lost():
     assert measured(asked(mesh), mesh)["thin"] > 99
 
 
-def test_a_picture_of_the_mesh_has_two_rows_that_are_equal_below_their_names():
-    mesh = icosphere(2)
-    picture = inspection.picture(asked(mesh), asked(mesh))
-    assert picture.shape == (2 * inspection.SIZE, 2 * inspection.SIZE, 3)
-    above, below = np.split(picture, 2)
-    assert np.array_equal(above[30:], below[30:]) and above.std() > 10 and not np.array_equal(above, below)
-
-
 @pytest.mark.parametrize(("name", "values"), [("depth", (0.1, 0.11, 0.51)), ("silhouettes", (99.0, 98.9, 96.9))])
 def test_verdicts_change_at_their_bounds(name, values):
     assert [*map(inspection.MEASURES[name].verdict, values)] == ["good", "fair", "poor"]

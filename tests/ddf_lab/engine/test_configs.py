@@ -7,8 +7,6 @@ import pytest
 from _pipeline import FILES
 
 from ddf.fields import cloud_projection
-from ddf.fields import pddf as ddf_fields
-from ddf.fit import fit_settings
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import one_image
 from ddf_lab.run import KINDS, SECTIONS, Run, class_of
@@ -70,9 +68,3 @@ def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and
     assert small["pointclouds"].shape_correction is None and small["pointclouds"].pcsiren_inputs == "random"
     assert small["pointclouds"].correction.free == paper["pointclouds"].correction.free
     assert small["pcsiren"].truth_points == small["pcsiren"].points
-
-
-def test_paper_fit_is_of_the_published_network():
-    """Whose numbers of parameters `ddf info` tells: test_commands.py."""
-    (path,) = (path for path in FILES if path.stem == "paper_fit")
-    assert Run.read(path).section(fit_settings.FitConfig).field == ddf_fields.PAPER_SINGLE_SHAPE

@@ -42,18 +42,6 @@ def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
     assert not any(isinstance(cell, pages.Cell) and cell.best for row in mask.rows for cell in row)  # the same scores
 
 
-def test_seconds_of_a_test_image_stand_beside_the_columns(reported):
-    results = stage_results.read_results(reported[1])
-    assert model_sections.seconds(results) is None  # the fake noted none
-    noted = {
-        "DDF": {"encoders": 0.1, "cloud": 1.0, "camera_correction": 0.5},
-        "PC-SIREN": {"encoders": 0.2, "cloud": 0.01},
-    }
-    table = model_sections.seconds(dataclasses.replace(results, seconds=noted))
-    assert table is not None
-    assert [row[1:] for row in table.rows] == [["DDF", "1.10"], ["PC-SIREN", "0.21"], ["DDF", "1.60"]]
-
-
 def _scored(**scores):
     """Scores per image, of method to shape to F of its images; another column and category that are not to be read."""
     rows = [

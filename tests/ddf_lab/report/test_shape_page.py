@@ -1,6 +1,5 @@
 """The stages on a single shape end to end, on a tiny field: files, printed numbers."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -43,7 +42,6 @@ def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
     folder = fitted_shape / "artifacts" / "tiny_fit"
     assert {path.name for path in (folder / "report").iterdir()} == _PAGE
     text = (folder / "report" / "README.md").read_text()
-    assert set(re.findall(r"\]\(([^)]+)\)", text)) == _PAGE - {"README.md"}
     table, record = storage.load_table(folder / "ablate_samples" / "ablate_samples.csv")
     assert len(table) == 7 * 2 * 6 * 2
     assert record["sources"].keys() == {"artifacts/tiny_fit/ablate_samples/ablation.json"}
@@ -52,9 +50,5 @@ def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
     held_out, number = metrics["held_out"], shape_page.number
     assert ["L1 × 10 of depth", "here", *(number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS")] in rows
     assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
-    angles = [held_out["normal_angle_deg"][kind]["median"] for kind in "UAB"] + [held_out["normal_angle_deg_median"]]
-    assert ["median", *(f"{angle:.1f}°" for angle in angles)] in rows
     found = storage.read_json(folder / "fit_shape" / "diagnostics.json")
     assert tuple(found) == field_diagnostics.NAMES
-    assert number(float("nan")) == number(float("nan"), "°", 1) == "–"  # a mean over nothing
-    assert (number(0.0), number(0.01), number(4.0, "°", 1)) == ("0.00", "0.01", "4.0°")

@@ -1,6 +1,5 @@
 """`ddf fit` end to end on a tiny field."""
 
-import json
 import runpy
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from _tiny_fits import SECTION
 import ddf
 from ddf.cli import fields
 from ddf.fields import shape_field
-from ddf.fit import fit_folder, fit_settings, inspection
+from ddf.fit import fit_settings, inspection
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -52,12 +51,6 @@ def test_pictures_have_up_what_the_fit_was_told(tmp_path, shown):
     np.testing.assert_allclose(ddf.load(tmp_path / "told").render(size=16)["depth"], depths[0], rtol=1e-6)
 
 
-def test_minutes_take_about_that_long_and_few_steps_are_said(work, shown):
-    verdict = shown("fit", work / "torus.ply", work / "timed", "--config", work / "tiny.yaml", "--minutes", 0.02)[-1]
-    steps = json.loads((work / "timed" / fit_folder.METRICS).read_text())["steps"]
-    assert steps >= 1 and ("FEWER than 500 steps" in verdict) == (steps < 500)
-
-
 @pytest.mark.parametrize(
     ("timed", "load", "limit", "threads"),
     [
@@ -81,13 +74,3 @@ def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path,
         Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": mesh}}))
         make(Run.read("tiny.yaml"))
         assert list(shape_field.load(tmp_path / "artifacts" / "tiny" / "fit_shape").record["sources"]) == sources
-
-
-def test_what_the_reader_left_out_is_said(work, tmp_path, shown, answer):
-    mesh, left = tmp_path / "half.obj", "1 faces of fewer than three corners are left out"
-    mesh.write_text(f"{CORNERS}f 1 2 3\nf 1 2\nf 1 3 4\nf 1 2 4\nf 2 3 4\n")
-    fit = ("fit", mesh, tmp_path / "half", "--config", work / "tiny.yaml", "--steps", 1)
-    samples = ("samples", mesh, tmp_path / "out.safetensors", "--count", 40)
-    for words in (fit, samples):
-        assert shown(*words)[-1].endswith(f"of the file: {left}")
-    assert answer(*samples)["left_out"] == [left]

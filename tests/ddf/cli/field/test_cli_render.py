@@ -33,14 +33,6 @@ def test_pictures_are_shaded_and_turn(tmp_path, rendered):
     assert rendered(out, "--camera", "0,0,0")["camera"]["radius"] == 0  # as asked, not framed
 
 
-def test_a_shaded_picture_tells_the_camera_of_outputs(tmp_path, fitted, shown, rendered):
-    picture, _, saved, verdict = shown("render", fitted[0], tmp_path / "a.png", "--size", 1)
-    camera = picture.partition("--camera ")[2].split()[0]
-    assert "around the object" in picture and f"from {camera};" in verdict and saved.split()[-1] == "0"
-    whole, depth = (rendered(tmp_path / "a.png", *w) for w in (("--camera", camera), ("--output", "depth")))
-    assert whole["window"] == [0, 0, 1] and whole["seen"] == pytest.approx(depth["seen"], abs=9)
-
-
 def test_the_file_s_name_says_what_it_holds_and_all_hold_the_same(tmp_path, rendered):
     names = ("visibility", "depth", "normals")
     result = rendered(tmp_path / "all.npz", "--output", ",".join(names))
@@ -84,11 +76,3 @@ def test_the_box_just_fits_the_picture_of_a_camera_without_a_distance(tmp_path, 
     assert not (picture[0].any() or picture[-1].any() or picture[:, 0].any() or picture[:, -1].any())
     rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
     assert min(rows[0], 79 - rows[-1], columns[0], 79 - columns[-1]) <= 3  # the margin is 5 % of 40 pixels
-
-
-def test_a_camera_that_sees_nothing_gives_no_range(tmp_path, fitted, rendered, shown):
-    away = ("--output", "depth", "--camera", "0,0,1e6")
-    lines = shown("render", fitted[0], tmp_path / "none.png", "--size", 4, *away)
-    assert lines[1].split()[:3] == ["depth", "–", "–"] and "; NOTHING is seen: " in lines[2]
-    found = rendered(tmp_path / "none.npz", *away)["range"]["depth"]
-    assert (found["min"], found["max"]) == (None, None)

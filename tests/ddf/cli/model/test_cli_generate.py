@@ -24,15 +24,11 @@ def test_samples_of_an_image_gan_open_as_fields(tmp_path, answer):
     model = _write(tmp_path / "gan", generative_models.GAN)
     found = answer("generate", model, tmp_path / "out", "-n", "2", "--seed", "3")
     assert found["samples"] == ["000", "001"] and found["images"]
-    assert found["sheets"] == ["samples.webp", "between.webp"]
     with Image.open(tmp_path / "out/001/image.png") as image, Image.open(tmp_path / "out/001/shape.png") as shape:
         assert image.size == (64, 64) and shape.size == (192, 192)
-    with Image.open(tmp_path / "out/between.webp") as between:
-        assert between.size == (6 * 196 - 4, 2 * 196)  # shapes, and below them their images
     field = ddf.load(tmp_path / "out" / "001")
     assert field.query(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), ("visibility",))["visibility"].shape == (1,)
-    again = answer("generate", model, tmp_path / "again", "-n", "1", "--seed", "3")
-    assert again["sheets"] == ["samples.webp"]
+    answer("generate", model, tmp_path / "again", "-n", "1", "--seed", "3")
     first, second = (tmp_path / folder / "000" / model_files.MODEL for folder in ("out", "again"))
     assert first.read_bytes() == second.read_bytes()
 

@@ -7,7 +7,7 @@ import pytest
 from ddf.core import shipped_models
 
 
-def test_the_list_is_that_of_the_index_and_of_the_files(answer, shown):
+def test_the_list_is_that_of_the_index_and_of_the_files(answer):
     listed = answer("models")["models"]
     names = [model["name"] for model in listed]
     assert len(set(names)) == len(names) >= 1
@@ -16,14 +16,6 @@ def test_the_list_is_that_of_the_index_and_of_the_files(answer, shown):
         folder = shipped_models.place(model["name"])
         assert model["path"] == folder.as_posix() and "card.md" in model["files"]
         assert model["bytes"] == sum((folder / file).stat().st_size for file in model["files"])
-    header, *lines, verdict = shown("models")
-    rows, credits = lines[: len(names)], lines[len(names) :]
-    for name, line in zip(("chair", "plane", "car"), credits[:-1], strict=True):
-        count = (shipped_models.place(name) / "sources.csv").read_text().count(",CC0-1.0,")
-        assert line.startswith(f"{name}: shapes of CC0-1.0 {count}")
-    assert credits[-1].endswith("/shipped/NAME/sources.csv")
-    assert header.split() == ["name", "kind", "size", "what"] and [row.split()[0] for row in rows] == names
-    assert verdict.startswith(f"{len(names)} models; ")
 
 
 @pytest.mark.parametrize("place", ["before", "after"])
