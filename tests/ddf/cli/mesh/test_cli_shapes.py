@@ -13,8 +13,10 @@ def test_the_list_counts_every_shape_and_names_every_maker(answer, shown):
     assert sum(entry[split] for entry in listed["categories"] for split in manifest.SPLITS) == len(rows)
     assert {name for names in listed["credits"].values() for name in names} == {row.creator for row in rows}
     assert [package["sha256"] for package in listed["packages"]] == [p.sha256 for p in packages.PACKAGES.values()]
-    text = "\n".join(shown("shapes"))
-    assert "category  train  validation  test" in text and "GPL-2.0-or-later: " in text
+    lines, chairs = shown("shapes"), next(each for each in listed["categories"] if each["category"] == "chair")
+    names, train = (line.split() for line in lines[:2])
+    assert int(train[names.index("chair")]) == chairs["train"] and "GPL-2.0-or-later: " in "\n".join(lines)
+    assert max(map(len, lines)) <= 100
 
 
 def test_get_says_what_it_fetches_and_the_second_needs_no_folder(tmp_path, monkeypatch, capsys):
