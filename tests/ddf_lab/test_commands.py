@@ -7,6 +7,7 @@ from pathlib import Path
 from ddf import cli
 from ddf.core import storage
 from ddf.data.public import manifest
+from ddf_lab import commands
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,6 +32,15 @@ def test_info_of_a_fit_and_of_figures_counts_the_field(capsys):
         assert cli.main(["info", name, "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["parameters"] == {"field": 67_460} and found["stages"][-1] == last and "cost" not in found
+
+
+def test_the_end_of_a_run_is_the_first_sentence_and_table_of_its_page(tmp_path):
+    page = tmp_path / "README.md"
+    page.write_text(
+        "# A\n\nBest is A.\n\n![x](x)\n\n|  | D<sub>C</sub> |\n| :-- | --: |\n| a |  |\n| b | **1** |\n\n| c |\n"
+    )
+    assert commands.summary(page) == ["Best is A.", "   DC", "a", "b  1"]
+    assert commands.summary(tmp_path) == []
 
 
 def test_info_counts_shapes_that_are_listed(tmp_path, monkeypatch, capsys):
