@@ -9,7 +9,7 @@ INTRODUCTION = """# Commands
 
 - `ddf COMMAND --help` tells the arguments of a command, with examples.
 - A result is a short table and a line that sums it up, or one JSON object by `--json`. What is not known is – or null.
-- Bad input is one line on standard error and exit code 2.
+- Bad input: one line on standard error, exit code 2; 1: doubtful.
 - The folder of an output file must exist, or add `--make-folders`. An OUT_DIR is made.
 - A name that `ddf models` lists stands wherever a command takes a FIELD or a MODEL of its kind.
 - Completion in bash and zsh: `eval "$(register-python-argcomplete ddf)"`.

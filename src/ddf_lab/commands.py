@@ -1,10 +1,12 @@
 """The commands of `ddf` that need a checkout: `run` and `info`."""
 
 import os
+import re
 from collections import Counter
+from pathlib import Path
 from typing import Annotated, Any
 
-from ddf.cli import arguments
+from ddf.cli import arguments, results
 from ddf.cli.declare import Arg, command
 
 _CORES = len(os.sched_getaffinity(0))
@@ -42,8 +44,19 @@ def run(
     """
     from ddf_lab.engine import runner
 
-    out = runner.run(config, changes, stage, seeds, jobs, data or None, launch).as_posix()
-    return {"out": out, "table": [], "verdict": out}
+    out = runner.run(config, changes, stage, seeds, jobs, data or None, launch)
+    return {"out": out.as_posix(), "table": summary(out), "verdict": out.as_posix()}
+
+
+def summary(page: Path) -> list[str]:
+    """The first sentences and the first table of a report's page, as lines; none of a folder."""
+    text = re.sub(r"<.*?>|\*\*", "", page.read_text(encoding="utf-8")) if page.is_file() else ""
+    blocks = text.split("\n\n")
+    said = next((each for each in blocks if each[:1].isalpha() and not each.startswith("Stale")), "")
+    table = next((each for each in blocks if each.startswith("|")), "")
+    rows = [line.strip()[2:-2].split(" | ") for line in table.splitlines()]
+    cells = [[cell.strip() for cell in row] for row in rows]
+    return [*results.folded(said, 0), *(results.grid(cells[0], cells[2:]) if cells else ())]
 
 
 @command("experiment")

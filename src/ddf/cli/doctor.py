@@ -23,6 +23,8 @@ LIBRARIES = {  # that packages load at import, and the Debian packages that brin
 COMMANDS = {"make": "make", "flock": "util-linux", "git": "git"}  # that `make` runs, and the packages that bring them
 MIN_DISK_GIB, MIN_MEMORY_GIB = 5.0, 4.0
 _LARGE = ("torch", "torchvision", "open3d", "pymeshlab")
+_COSTS = {"onnx": "ONNX files, 100 MB", "las": "clouds as LAS files, 1 MB"} | extras.COSTS
+_EXTRA_OF = extras.EXTRA_OF | {"onnx": "onnx", "onnxruntime": "onnx"}  # which torch brings too
 _LOCK = Path(__file__).resolve().parents[3] / "requirements.lock"
 _CHECKOUT = _LOCK.is_file()  # `make setup` brings all there; elsewhere extras are a choice
 
@@ -72,9 +74,7 @@ def doctor(*, fast: bool = False) -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "memory_gib": round(memory, 1),
         "disk_free_gib": round(disk, 1),
-        "extras": {
-            extra: all(_is_there(name) for name, of in extras.EXTRA_OF.items() if of == extra) for extra in extras.COSTS
-        },
+        "extras": {extra: all(_is_there(name) for name, of in _EXTRA_OF.items() if of == extra) for extra in _COSTS},
         "imports": imports,
         "gpu": _gpu() if imports.get("torch") == "ok" else None,
         "missing": missing,
@@ -123,7 +123,7 @@ def _gpu() -> str | None:
 
 def _table(result: dict[str, Any]) -> dict[str, Any]:
     versions = result["packages"].values()
-    choices = {name: (extras.COSTS[name], extras.command(name)) for name in result["extras"] if not _CHECKOUT}
+    choices = {name: (_COSTS[name], extras.command(name)) for name in result["extras"] if not _CHECKOUT}
     there = {True: "installed", False: "not installed; a choice"}
     return {
         "Python": f"{result['python']} on {result['platform']}",

@@ -3,6 +3,7 @@
 import dataclasses
 import logging
 import os
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -99,12 +100,14 @@ def fit(
     if of_rays:
         found, sources = _sensed(given, network=True)
         result = fitting.fit(found.scan, settings, out, sources, threads=used, force=force)
-        return _of_rays(found, given, out, up, result, f"{result['steps']:,} steps{_few(result['steps'])}")
+        told = _of_rays(found, given, out, up, result, f"{result['steps']:,} steps{_few(result['steps'])}")
+        return told | {"doubtful": result["steps"] < fitting.FEW_STEPS}
     loaded = mesh_io.load_surface(mesh)
     result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
     after = f"{spent}{_few(result['steps'])}"
-    return _inspected(out, loaded, up, result, f"{spent}; more --minutes go on from there", after)
+    told = _inspected(out, loaded, up, result, f"{spent}; more --minutes go on from there", after)
+    return told | {"doubtful": result["steps"] < fitting.FEW_STEPS}
 
 
 def _few(steps: int) -> str:
@@ -223,6 +226,8 @@ def query(
       ddf query rabbit --rays rays.npz --out answers.npz
       ddf query rabbit-network --rays rays.npz --out answers.npz --outputs depth,mean_curvature
     """
+    import numpy as np
+
     from ddf.api import field as fields
     from ddf.api import queries
     from ddf.core import storage
@@ -237,12 +242,14 @@ def query(
         found["seen"] = shape.seen(points.positions, points.directions)
     storage.write_bytes(out, results.npz(found))
     total = len(points.positions)
+    meet = int(ray_files.enter_box(points.positions, points.directions, *shape.box)[2].sum())  # patches take all rays
+    other = "" if meet else results.other_units("rays'", points.positions, "field's", np.array(shape.box))
     return {
         "rays": total,
         "evaluated": evaluated,
         "saved": total - evaluated,
         "outputs": list(found),
-        "verdict": f"{', '.join(found)} of {total:,} rays; {evaluated:,} of them meet the box of the field",
+        "verdict": f"{', '.join(found)} of {total:,} rays; {meet:,} of them meet the box of the field{other}",
     }
 
 
@@ -310,7 +317,10 @@ def udf(
     from ddf.geometry import rays as ray_files
 
     (positions,) = ray_files.npz_vectors(points, ("positions",))
-    distances, directions = fields.load(field).udf(positions)
+    shape = fields.load(field)
+    distances, directions = shape.udf(positions)
+    lower, upper = shape.box
+    beside = not ((lower <= positions) & (positions <= upper)).all(axis=1).any()
     storage.write_bytes(out, results.npz({"distances": distances, "directions": directions}))
     least, most = (float(f(distances)) if len(distances) else float("nan") for f in (np.min, np.max))
     return {
@@ -318,7 +328,8 @@ def udf(
         "method": "cloud",
         "least": least,
         "largest": most,
-        "verdict": f"distances of {len(distances):,} points, in mesh units, in {out}",
+        "verdict": f"distances of {len(distances):,} points, in mesh units, in {out}"
+        + (results.other_units("points'", positions, "field's", np.array(shape.box)) if beside else ""),
     }
 
 
@@ -354,6 +365,8 @@ def surface(
     mesh_io.require_suffix(out.suffix)
     true = None if truth is None else mesh_io.load(truth)
     shape = fields.load(field)
+    other = "" if true is None else results.other_units("true mesh's", true.vertices, "field's", np.array(shape.box))
+    sys.stderr.write(f"{truth}{other}\n" if other else "")
     started = time.monotonic()
     mesh = shape.surface(points, method, resolution)
     seconds = time.monotonic() - started

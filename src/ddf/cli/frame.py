@@ -2,11 +2,11 @@
 
 Commands are the functions that modules beside this one declare, by `declare.command`. What such a module imports at its
 top is what bare help waits for: what takes long to load belongs inside the functions. A command returns its result, one
-JSON object with --json, to which the frame adds what it wrote. Two keys are for people alone: `table` (label to value,
-shown instead of the rest) and `verdict` (one line, shown last).
+JSON object with --json, to which the frame adds what it wrote. Three keys are not in it: `table` (label to value, shown
+instead of the rest), `verdict` (one line, shown last) and `doubtful` (done, but not to be relied on).
 
-Exit code 0; 2 after one line on stderr when the input is at fault; 130 or 143 when SIGINT or SIGTERM ended it, after a
-line that says what is kept.
+Exit code 0; 1 where what was done is doubtful; 2 after one line on stderr when the input is at fault; 130 or 143 when
+SIGINT or SIGTERM ended it, after a line that says what is kept.
 """
 
 import argparse
@@ -61,8 +61,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     args = parser.parse_args(argv)
+    doubts = list[bool]()
     with processes.raised():
-        return processes.guarded(lambda: _run(args, argv), f"ddf {args.command}")
+        return processes.guarded(lambda: doubts.append(_run(args, argv)), f"ddf {args.command}") or sum(doubts)
 
 
 def with_negative_values(argv: Sequence[str]) -> list[str]:
@@ -77,7 +78,8 @@ def with_negative_values(argv: Sequence[str]) -> list[str]:
     return joined
 
 
-def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
+def _run(args: argparse.Namespace, words: Sequence[str]) -> bool:
+    """Call the command and print its result; whether that is doubtful."""
     command = COMMANDS[args.command].called(args)
     with _stdout_to_stderr() if args.json else contextlib.nullcontext():
         arguments.require_places(command, args)
@@ -94,6 +96,7 @@ def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
             raise processes.Interrupted(getattr(stop, "number", signal.SIGINT), kept) from stop
     sys.stdout.write(results.json_line(result) if args.json else results.text(result))
     sys.stdout.flush()
+    return bool(result.get("doubtful"))
 
 
 class _Parser(argparse.ArgumentParser):

@@ -116,6 +116,8 @@ def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", wri
     bound = raycast.float32_bound(loaded, points)
     if bound > FAR * loaded.diagonal():
         verdict += f"; starts lie so far away that float32 positions or directions are off by up to {bound:.2g}"
+    if not seen:
+        verdict += results.other_units("rays'", points.positions, "mesh's", loaded.vertices)
     found = {"rays": count, "hits": seen, "float32_bound": bound, "left_out": list(loaded.remarks)}
     return {**found, "verdict": verdict}
 
@@ -214,7 +216,7 @@ def compare(
         return drawn, f"{len(drawn):,} points drawn by area (seed {seed})"
 
     (pred_points, pred_is), (true_points, truth_is) = read(pred, "pred"), read(truth, "truth")
-    diagonal, other = (float(np.linalg.norm(np.ptp(points, axis=0))) for points in (true_points, pred_points))
+    diagonal = float(np.linalg.norm(np.ptp(true_points, axis=0)))
     compared = meshes.compare(pred_points, true_points, tau_sq, relative).to_dict()
     units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
     units |= {"chamfer_l2_sq": "share of the truth's squared diagonal"} if relative else {}
@@ -223,8 +225,7 @@ def compare(
     verdict += f"{pred_is} of {pred.name} against {truth_is} of {truth.name}"
     if not (relative or _BENCHMARK[0] < diagonal < _BENCHMARK[1]):
         verdict += f"; the truth's box measures {diagonal:.4g} units: --relative takes shares of that"
-    if min(diagonal, other) > 0 and not 1 / _OTHER_UNITS < other / diagonal < _OTHER_UNITS:
-        verdict += f"; the prediction's box is {other / diagonal:,.4g} times the truth's: are its units others?"
+    verdict += results.other_units("prediction's", pred_points, "truth's", true_points, _OTHER_UNITS)
     found = {**compared, "tau_sq": tau_sq, "box_diagonal": diagonal, "relative": relative}
     table = results.grid(
         ("score", "value", "unit"), [(name, value, units.get(name, "")) for name, value in found.items()]

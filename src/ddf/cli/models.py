@@ -3,11 +3,12 @@
 import csv
 import dataclasses
 import re
+import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from ddf.cli import arguments, results
 from ddf.cli.arguments import ModelPath, OutFolder, Points, Seed
@@ -17,7 +18,9 @@ from ddf.core import errors, shipped_models
 if TYPE_CHECKING:
     import torch
 
+    from ddf.api import completion
     from ddf.fields import shape_field
+    from ddf.geometry import scans
     from ddf.pictures import field_pictures, picture_strips
     from ddf.reconstruction import sampler
 
@@ -26,6 +29,8 @@ _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
 _SOURCES, _CARD = "sources.csv", "card.md"  # beside a shipped model
+_FEW_HITS = 200  # of a scan, under which the share that was seen means nothing
+_BESIDE = 50.0  # degrees from the sensor to who looks at the picture
 _AGREES = 0.85  # overlap of the outlines of a reconstruction and its picture, under which a line warns
 
 
@@ -140,7 +145,9 @@ def reconstruct(
     results.show_parts()
     of = reconstruction.reconstructor(model)
     made = []
-    for group, folder in zip(groups, outs, strict=True):
+    for number, (group, folder) in enumerate(zip(groups, outs, strict=True), 1):
+        if len(groups) > 1:
+            sys.stderr.write(f"{group[0]}: {number} of {len(groups)}\n")
         found = of(group, points, seed, mask, background, cameras).save(folder)
         made.append(found | {"image": group[0].as_posix(), "out": folder.as_posix()})
     rates = _rates(model)
@@ -210,7 +217,7 @@ def complete(
 
     Args:
       scan: NPZ of rays with ranges, of a depth image or of points with sensors; or a depth PNG: docs/complete.md.
-      out: gets the field as model.safetensors, seen.ply, inferred.ply, cloud.npz, completion.json.
+      out: gets model.safetensors, seen.ply, inferred.ply, cloud.npz, picture.png, completion.json.
       pose: 4x4, where the object's box lies (default: found by itself).
       fixed: the pose is known, and does not move.
 
@@ -221,15 +228,19 @@ def complete(
     import numpy as np
 
     from ddf.api import completion
-    from ddf.core import storage
+    from ddf.core import checks, storage
     from ddf.geometry import mesh_io, scans, transforms
 
     if fixed and pose is None:
         raise errors.InputError("--fixed needs --pose: a pose that is not given cannot stay")
+    if checks.require_whole("n", points, 2) and not 0 <= noise < np.inf:  # before the line that tells of the work
+        raise errors.InputError(f"noise must be 0 or more, in the unit of the scan; got {noise}")
     matrix = None
     if pose is not None:
         matrix = transforms.Similarity.of_matrix(f"{pose}: the pose", storage.read_json(pose)).to_matrix()
     given = scans.read(scan)
+    hits, sought = int(given.hit.sum()), "shape, some 8 s" if fixed else "shape and pose, some 15 s"
+    sys.stderr.write(f"{hits:,} hits of {len(given.ranges):,} rays; seeks {sought} of a core\n")
     started = time.monotonic()
     found = completion.complete(
         given, model, matrix, refine=not fixed, up=up, noise=noise, image=image, n=points, seed=seed
@@ -241,13 +252,14 @@ def complete(
         storage.write_bytes(out / f"{name}.ply", mesh_io.points_ply(found.points[chosen]))
     arrays = {"points": found.points, "seen": found.seen, "spread": found.spread, "residuals": found.residuals}
     storage.write_bytes(out / "cloud.npz", results.npz(arrays))
+    storage.write_bytes(out / "picture.png", results.encode([_completed(found, given)], ".png"))
     both = np.abs(found.residuals[np.isfinite(found.residuals)])
     result = {
         "pose": found.pose.tolist(),
         "explained": found.explained,
         "likeness": found.likeness,
         "residual_median": float(np.median(both)) if len(both) else None,
-        "seen": float(found.seen.mean()),
+        "seen": float(found.seen.mean()) if hits >= _FEW_HITS else None,
         "spread_median": {
             name: float(np.median(found.spread[chosen])) if chosen.any() else None for name, chosen in halves.items()
         },
@@ -255,11 +267,39 @@ def complete(
         "left_out": list(given.remarks),
     }
     storage.write_json(out / "completion.json", result)
-    verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
-    verdict += f"; its longest side is {2 * np.cbrt(np.linalg.det(found.pose[:3, :3])):.4g}"
+    verdict = f"{out}: {found.explained:.0%} of the hits explained"
+    few = f"; {hits} hits are too few to tell how much of the surface was seen"
+    verdict += few if result["seen"] is None else f", {result['seen']:.0%} of the surface was seen"
+    half, unit = (
+        np.cbrt(np.linalg.det(found.pose[:3, :3])),
+        "metres" if scan.suffix.lower() == ".png" else "units of the scan",
+    )
+    ahead, upright, _ = found.pose[:3, :3].T / half
+    turn = np.degrees(np.arctan2(ahead @ np.cross(upright, [1, 0, 0]), ahead[0]))
+    verdict += f"; stands at {', '.join(f'{each:.3g}' for each in found.pose[:3, 3])}; turned {turn:.0f} degrees about "
+    verdict += f"up; longest side {2 * half:.4g}, {unit}"
     if found.unlike:
         verdict += f"; WARNING: perhaps no {Path(model).name}, or another pose or unit"
-    return result | {"verdict": verdict + results.left_out(given.remarks)}
+    table = {name: result[name] for name in ("explained", "likeness", "residual_median", "spread_median", "seconds")}
+    return result | {"table": table, "verdict": verdict + results.left_out(given.remarks)}
+
+
+def _completed(found: "completion.Completion", given: "scans.Scan") -> "field_pictures.Picture":
+    """The scan's hits, points that were seen and inferred, and the surface, upright and from beside the sensor."""
+    import numpy as np
+
+    from ddf.geometry import transforms
+    from ddf.pictures import completed_pictures
+
+    inside = transforms.Similarity.of_matrix("pose", found.pose).inverse()
+    eye, hits, points = map(inside.apply, (given.positions.mean(axis=0), given.points, found.points))
+    place = (float(np.degrees(np.arctan2(eye[2], eye[0]))) + _BESIDE, _CAMERA[1])
+    colours = np.where(found.seen[:, None], completed_pictures.SEEN, completed_pictures.INFERRED)
+    drawn = [(hits, np.tile(completed_pictures.SCAN, (len(hits), 1))), (points, colours)]
+    scale = 1.15 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    pictures = [completed_pictures.dots(each / scale, colour, 2 * _SIZE, *place) for each, colour in drawn]
+    upright: Any = dataclasses.replace(cast("Any", found.field.framed), field_from_mesh=transforms.Similarity())
+    return np.concatenate([*pictures, _clay(upright, place, 2 * _SIZE)], axis=1)
 
 
 @command("model", api="reconstruction:generate")
@@ -320,18 +360,25 @@ def _look(
     model: "sampler.Sampler", shape: "shape_field.ShapeField", texture: "torch.Tensor"
 ) -> "dict[str, field_pictures.Picture]":
     """The shape under a lamp and, of an image GAN, its image with that texture."""
-    from ddf.fields import framed_field
     from ddf.models import generated_images
-    from ddf.pictures import field_pictures, shaded
+    from ddf.pictures import field_pictures
 
-    camera = (*_CAMERA, framed_field.framing_radius(shape, *_CAMERA))
-    standing = shaded.stand(shape)
-    found = {"shape": shaded.render(standing, camera, _SIZE, shaded.window(standing, [camera])).picture}
+    found = {"shape": _clay(shape, _CAMERA, _SIZE)}
     if model.images is not None:
         (seen_from,) = generated_images.cameras_around(1, generated_images.ELEVATION_DEG, generated_images.RADIUS)
         (image,) = generated_images.look(model.images, shape.field, seen_from, texture[None]).colours
         found["image"] = field_pictures.to_bytes(image.permute(1, 2, 0).cpu().numpy())
     return found
+
+
+def _clay(shape: "shape_field.ShapeField", place: tuple[float, float], size: int) -> "field_pictures.Picture":
+    """The shape under a lamp, from an azimuth and an elevation, degrees."""
+    from ddf.fields import framed_field
+    from ddf.pictures import shaded
+
+    camera = (*place, framed_field.framing_radius(shape, *place))
+    standing = shaded.stand(shape)
+    return shaded.render(standing, camera, size, shaded.window(standing, [camera])).picture
 
 
 def _rows(looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int) -> "list[picture_strips.Row]":

@@ -7,23 +7,23 @@ import io
 import json
 import logging
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from ddf.core import errors
 
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float, UInt8
 
-FOR_PEOPLE = ("table", "verdict")  # keys of a result that JSON leaves out
+FOR_PEOPLE = ("table", "verdict", "doubtful")  # keys of a result that JSON leaves out
 NOTHING = "–"
 _LONG = 8  # items of a list from which on only their number is shown
 PICTURES = {".png": "PNG", ".webp": "WEBP"}
 ARRAYS = (".npz", ".exr")
 _LEVELS = 65535  # of 16 bits, beside 0
 _AXES = "XYZ"
+_WIDTH = 100  # of lines
 
 
 def json_line(result: Mapping[str, Any]) -> str:
@@ -52,10 +52,16 @@ def grid(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:
     cells = [[cell(value) for value in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(header, *cells, strict=True)]
     right = [all(_is_number(row[i]) for row in rows) for i in range(len(header))]
-    return [
+    lines = [
         "  ".join(f"{word:>{width}}" if is_right else f"{word:<{width}}" for word, width, is_right in columns).rstrip()
         for columns in (list(zip(row, widths, right, strict=True)) for row in (list(header), *cells))
     ]
+    return [part for line in lines for part in folded(line, sum(widths[:-1]) + 2 * len(widths) - 2)]
+
+
+def folded(text: str, indent: int = 2) -> list[str]:
+    """Lines of at most 100 characters, further ones indented, by the place of a table's last column say."""
+    return textwrap.wrap(text, _WIDTH, subsequent_indent=" " * min(indent, _WIDTH // 2), break_long_words=False)
 
 
 def cell(value: Any) -> str:
@@ -79,6 +85,17 @@ def cell(value: Any) -> str:
 def left_out(remarks: Sequence[str]) -> str:
     """The end of a verdict on a mesh: what its reader left out; nothing where it took all."""
     return f"; of the file: {'; '.join(remarks)}" if remarks else ""
+
+
+def other_units(
+    what: str, points: "Float[np.ndarray, 'n 3']", own: str, corners: "Float[np.ndarray, 'm 3']", factor: float = 100.0
+) -> str:
+    """The end of a verdict where the box of points is so many times that of others, or less; else nothing."""
+    import numpy as np
+
+    size, of = (float(np.linalg.norm(np.ptp(each, axis=0))) if len(each) else 0.0 for each in (points, corners))
+    far = min(size, of) > 0 and not 1 / factor < size / of < factor
+    return f"; the {what} box is {size / of:,.4g} times the {own}: are its units others?" if far else ""
 
 
 def _lines(result: Mapping[str, Any]) -> list[str]:
@@ -156,13 +173,10 @@ def npz(arrays: "Mapping[str, np.ndarray]") -> bytes:
 def write_exr(path: Path, images: "Mapping[str, Float[np.ndarray, 'height width ...']]") -> None:
     """Images as float32 channels of one OpenEXR file: `depth`, `normals.X`, `normals.Y`, ..."""
     import numpy as np
+    import OpenEXR
 
     from ddf.core import storage
 
-    try:
-        import OpenEXR
-    except ModuleNotFoundError as error:
-        raise errors.InputError(f"{path}: .exr needs the package OpenEXR: pip install openexr") from error
     channels = {}
     for name, values in images.items():
         planes = {name: values} if values.ndim == 2 else {f"{name}.{a}": values[..., i] for i, a in enumerate(_AXES)}

@@ -38,15 +38,16 @@ def shapes() -> dict[str, Any]:
     licences = sorted({row.licence for row in rows})
     header = ("category", *manifest.SPLITS, *licences)
     table = [(name, *(counts[name, part] for part in header[1:])) for name in sorted({row.category for row in rows})]
+    turned = list(zip(header, *table, strict=True))
     credits = {licence: sorted({row.creator for row in rows if row.licence == licence}) for licence in licences}
     return {
         "categories": [dict(zip(header, entry, strict=True)) for entry in table],
         "packages": [_described(package) for package in packages.PACKAGES.values()],
         "credits": credits,
         "table": [
-            *results.grid(header, table),
+            *results.grid(turned[0], turned[1:]),
             "",
-            *(f"{licence}: {', '.join(names)}" for licence, names in credits.items()),
+            *(line for licence, names in credits.items() for line in results.folded(f"{licence}: {', '.join(names)}")),
             "",
         ],
         "verdict": f"{len(rows)} shapes of {len(packages.PACKAGES)} packages; `ddf shapes get` fetches them",

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import importlib.util
 import tempfile
 import time
 import webbrowser
@@ -216,6 +217,8 @@ def _require_holds(
     pictures, shaded = results.PICTURES, outputs == (arguments.SHADED,)
     if suffix not in (*pictures, *results.ARRAYS):
         raise errors.InputError(f"{out}: must end in one of {', '.join((*pictures, *results.ARRAYS))}")
+    if suffix == ".exr" and importlib.util.find_spec("OpenEXR") is None:
+        raise errors.InputError(f"{out}: .exr needs the package OpenEXR: pip install openexr")
     if shaded and suffix not in pictures:
         raise errors.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
     if ao is not None and not shaded:

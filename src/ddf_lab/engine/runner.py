@@ -6,6 +6,7 @@ so that it counts as an input: the data's folder, the number of seeds, checksums
 """
 
 import graphlib
+import itertools
 import os
 import shutil
 import subprocess
@@ -56,8 +57,9 @@ def run(
             if each not in names:
                 raise checks.InputError(f"{experiment.file} has no stage {each!r}; its stages are {', '.join(names)}")
         _record(experiment, seeds, data)
-        work = _Work(experiment.root / "data_root", launch, descriptor)
-        failed = schedule(graph.needed(items, stages), jobs, work.run, work.stop)
+        items = graph.needed(items, stages)
+        work = _Work(experiment.root / "data_root", launch, descriptor, len(items))
+        failed = schedule(items, jobs, work.run, work.stop)
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
     return experiment.page / "README.md" if names[-1] in stages else experiment.root
@@ -132,9 +134,9 @@ def schedule(
 
 
 class _Work:
-    """Stages as child processes, which hold the lock of the folder for as long as they live."""
+    """So many stages as child processes, which hold the lock of the folder for as long as they live."""
 
-    def __init__(self, root: Path, launch: str, descriptor: int) -> None:
+    def __init__(self, root: Path, launch: str, descriptor: int, number: int) -> None:
         self._environment = {
             **{name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",
@@ -142,14 +144,14 @@ class _Work:
             "DDF_DATA": root.read_text(encoding="utf-8").rstrip("\n") if root.is_file() else "",
             "LAUNCH": launch,
         }
-        self._descriptor = descriptor
+        self._descriptor, self._number, self._count = descriptor, number, itertools.count(1)
         self._console = Console(sys.stderr)
         self._running: set[subprocess.Popen[bytes]] = set()
         self._stopped, self._starting = False, threading.Lock()
 
     def run(self, item: graph.Item) -> bool:
         """Run one item, unless there is nothing to do; whether it succeeded."""
-        known = stage.checksums(item)
+        part, known = next(self._count), stage.checksums(item)
         done = stage.note(item, known).fits()
         known.write()
         with self._starting:
@@ -157,14 +159,15 @@ class _Work:
                 return done
             process = subprocess.Popen(
                 ["/bin/sh", "-c", f"exec {item.command}"],
-                env=self._environment,
+                env=self._environment | {stage.PART: f" ({part} of {self._number})"},
                 pass_fds=(self._descriptor,),
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
             )
             self._running.add(process)
         assert process.stdout is not None
-        self._console.relay(process.stdout.fileno())
+        with process.stdout as said:
+            self._console.relay(said.fileno())
         self._running.remove(process)
         return process.wait() == 0
 

@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import json
 import logging
+import os
 import shutil
 import sys
 import time
@@ -24,6 +25,7 @@ from ddf_lab.run import Run, class_of, time_path
 
 FRAME = "ddf_lab/engine"  # the room around the stages: no result depends on it
 PAGE = "report"  # an output that is made anew each time; all others go on from what an earlier run left
+PART = "DDF_PART"  # variable of the environment: which of how many stages of a run this is
 Make = Callable[[Run], None]
 
 
@@ -95,7 +97,7 @@ def _run_alone(make: Make, run: Run) -> None:
         item = graph.find(name, run)
         made = notes.Note(record, "") if item is None else note(item, checksums(item))
         done = item is not None and made.fits()
-        what = f"{name} {run.label}".rstrip()
+        what = f"{name} {run.label}".rstrip() + os.environ.get(PART, "")
         sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
         if done:
             return

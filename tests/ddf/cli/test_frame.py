@@ -226,4 +226,5 @@ def test_doctor_runs_where_nothing_is_installed():
     # -S: without site-packages, as on a machine where the set-up has not run.
     found = json.loads(_fresh(program, "-S", PYTHONPATH=str(ROOT / "src")).stdout)
     assert found["ok"] is False and found["packages"]["torch"] is None
+    assert found["extras"] == dict.fromkeys(("onnx", "las", "torch", "experiments"), False)
     assert "make setup" in [entry["command"] for entry in found["missing"]]

@@ -2,6 +2,7 @@
 
 import shlex
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +120,12 @@ def test_a_line_that_asks_for_what_cannot_be(line, said, _place, refusal, monkey
     before = sorted(Path().rglob("*"))
     assert said in refusal(*shlex.split(line))
     assert sorted(Path().rglob("*")) == before
+
+
+def test_exr_without_its_package_is_refused_before_anything_is_read(refusal, monkeypatch):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    monkeypatch.setattr("ddf.api.field.load", None)
+    assert "out.exr: .exr needs the package OpenEXR" in refusal("render", "rabbit", "out.exr")
 
 
 RAYS = {"positions": np.zeros((2, 3)), "directions": np.array([[0, 0, 1.0], [0, 0, 1]])}

@@ -1,5 +1,6 @@
 """Items run side by side as far as they may, and a failure stops what follows from it alone; lines stay whole."""
 
+import dataclasses
 import io
 import os
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import threading
 from pathlib import Path
 from typing import Literal
+from unittest import mock
 
 import pytest
 
@@ -70,6 +72,21 @@ def test_an_interrupt_stops_what_runs_and_starts_no_more():
     with pytest.raises(KeyboardInterrupt):
         runner.schedule(CHAIN, 1, start, ended.set)
     assert ended.is_set() and started == ["a@x"]
+
+
+def test_each_stage_is_told_which_of_how_many_it_is(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(runner.stage, "checksums", lambda _: mock.Mock())
+    monkeypatch.setattr(runner.stage, "note", lambda item, _: mock.Mock(fits=lambda: item.stage == "done"))
+    work = runner._Work(tmp_path, "", 2, 3)
+    items = [_item(name) for name in ("done", "a", "b")]
+    told = [
+        dataclasses.replace(
+            each, entry=dataclasses.replace(each.entry, command=f"printf '%s%s\\n' {each.stage} \"$DDF_PART\" #")
+        )
+        for each in items
+    ]
+    assert [work.run(each) for each in told] == [True] * 3
+    assert capfd.readouterr().err == "a (2 of 3)\nb (3 of 3)\n"
 
 
 def test_a_process_that_lost_the_signal_is_told_again(monkeypatch):

@@ -1,5 +1,6 @@
 """`ddf fit` end to end on a tiny field."""
 
+import json
 import runpy
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import yaml
 from _tiny_fits import SECTION
 
 import ddf
+from ddf import cli
 from ddf.cli import fields
 from ddf.fields import shape_field
-from ddf.fit import fit_settings, inspection
+from ddf.fit import fit_folder, fit_settings, inspection
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -49,6 +51,13 @@ def test_pictures_have_up_what_the_fit_was_told(tmp_path, shown):
             depths.append(file["depth"])
     assert np.array_equal(depths[0], depths[1]) and not np.array_equal(depths[0], depths[2])
     np.testing.assert_allclose(ddf.load(tmp_path / "told").render(size=16)["depth"], depths[0], rtol=1e-6)
+
+
+def test_minutes_take_about_that_long_and_few_steps_are_said(work, capsys):
+    words = ("fit", work / "torus.ply", work / "timed", "--config", work / "tiny.yaml", "--minutes", 0.02)
+    code, verdict = cli.main([*map(str, words)]), capsys.readouterr().out.splitlines()[-1]
+    steps = json.loads((work / "timed" / fit_folder.METRICS).read_text())["steps"]
+    assert steps >= 1 and ("FEWER than 500 steps" in verdict) == (code == 1) == (steps < 500)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ddf
+from ddf import cli
 from ddf.data.synthetic import showcase
 from ddf.fields import field_outputs
 from ddf.geometry import mesh_io, raycast
@@ -66,6 +67,26 @@ def test_surface_is_a_mesh_with_its_scores(tmp_path, answer):
     assert result["faces"] == len(mesh.faces) > 2000 and result["vertices"] == len(mesh.vertices)
     assert result["chamfer_l1"] < 0.03 and result["normal_consistency"] > 0.85
     assert np.abs(mesh.vertices).max() < 1.6
+
+
+@pytest.mark.usefixtures("few_hits")
+@pytest.mark.parametrize(("size", "told"), [(1e3, True), (1.0, False), (1e-3, True)])
+def test_other_units_are_asked_about_where_nothing_is_met(size, told, tmp_path, shown):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    starts = np.array([[-size, 5 * max(1, size), 0], [size, 5 * max(1, size), 0]])
+    np.savez(tmp_path / "r.npz", positions=starts, directions=np.tile([0.0, 1, 0], (2, 1)))
+    for words in (("query", "rabbit", "--rays"), ("udf", "rabbit", "--points"), ("cast", tmp_path / "a.obj", "--rays")):
+        verdict = shown(*words, tmp_path / "r.npz", "--out", tmp_path / "out.npz")[-1]
+        assert (" times the " in verdict and verdict.endswith("are its units others?")) == told
+
+
+def test_a_truth_of_other_units_is_told_before_the_work(tmp_path, capfd, monkeypatch):
+    truth = showcase.rabbit()
+    (tmp_path / "t.ply").write_bytes(mesh_io.ply_bytes(mesh_io.Mesh(1000 * truth.vertices, truth.faces)))
+    monkeypatch.setattr(ddf.Field, "surface", None)
+    with pytest.raises(TypeError):
+        cli.main(["surface", "rabbit", str(tmp_path / "m.ply"), "--truth", str(tmp_path / "t.ply")])
+    assert "the true mesh's box is 9" in (said := capfd.readouterr().err) and "units others?" in said, said
 
 
 @pytest.mark.usefixtures("few_hits")

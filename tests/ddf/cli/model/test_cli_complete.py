@@ -5,8 +5,10 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import ddf
+from ddf import cli
 from ddf.core import shipped_models
 from ddf.geometry import mesh_io, scans
 
@@ -45,6 +47,19 @@ def test_complete_writes_a_field_that_loads_and_clouds(scan, tmp_path, answer):
     residuals = arrays["residuals"][both]
     np.testing.assert_allclose(given.ranges[both] - depth[both], residuals, atol=2e-3)
     assert result["residual_median"] == pytest.approx(np.median(np.abs(residuals)), abs=2e-3)
+
+
+def test_few_hits_the_place_in_words_and_a_picture(tmp_path, capfd):
+    ddf.depth_camera(ddf.load("armchair"), size=12).save(tmp_path / "few.npz")
+    pose = np.array([[0.8, 0, 0.6, 0.1], [0, 1, 0, 0], [-0.6, 0, 0.8, 0], [0, 0, 0, 1]])
+    (tmp_path / "pose.json").write_text(json.dumps(pose.tolist()))
+    words = ("complete", tmp_path / "few.npz", "chair", tmp_path / "out", "--pose", tmp_path / "pose.json", "--fixed")
+    assert cli.main([*map(str, words), "-n", "50"]) == 0
+    said = capfd.readouterr()
+    assert "hits of 144 rays; seeks shape, some" in said.err and "too few to tell how much" in said.out
+    assert "stands at 0.1, 0, 0; turned 37 degrees about up; longest side 2, units of the scan" in said.out
+    colours = {tuple(each) for each in np.asarray(Image.open(tmp_path / "out" / "picture.png")).reshape(-1, 3).tolist()}
+    assert len(colours) > 100
 
 
 def test_a_depth_image_without_its_cameras_place_stands_upright(scan):

@@ -7,7 +7,7 @@ import pytest
 from ddf.core import shipped_models
 
 
-def test_the_list_is_that_of_the_index_and_of_the_files(answer):
+def test_the_list_is_that_of_the_index_and_of_the_files(answer, shown):
     listed = answer("models")["models"]
     names = [model["name"] for model in listed]
     assert len(set(names)) == len(names) >= 1
@@ -16,6 +16,7 @@ def test_the_list_is_that_of_the_index_and_of_the_files(answer):
         folder = shipped_models.place(model["name"])
         assert model["path"] == folder.as_posix() and "card.md" in model["files"]
         assert model["bytes"] == sum((folder / file).stat().st_size for file in model["files"])
+    assert max(map(len, shown("models"))) <= 100
 
 
 @pytest.mark.parametrize("place", ["before", "after"])
