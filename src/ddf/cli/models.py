@@ -239,7 +239,7 @@ def complete(
     if pose is not None:
         matrix = transforms.Similarity.of_matrix(f"{pose}: the pose", storage.read_json(pose)).to_matrix()
     given = scans.read(scan)
-    hits, sought = int(given.hit.sum()), "shape, some 8 s" if fixed else "shape and pose, some 15 s"
+    hits, sought = int(given.hit.sum()), "shape, some 12 s" if fixed else "shape and pose, some 20 s"
     sys.stderr.write(f"{hits:,} hits of {len(given.ranges):,} rays; seeks {sought} of a core\n")
     started = time.monotonic()
     found = completion.complete(
