@@ -99,10 +99,8 @@ def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
     """In F(τ) DDF+image is 8 better for chairs, at the true camera, and 8 worse for cars, by the predicted one.
     Retrieval beats it for chairs. Nothing else differs.
     """
-    random, rows = np.random.default_rng(0), []
-    for category, method, column in itertools.product(
-        results.CATEGORIES, results.MODELS.values(), ("Pi_g-L", "Pi_pred-L")
-    ):
+    random, rows, columns = np.random.default_rng(0), [], ("Pi_g-L", "Pi_pred-L")
+    for category, method, column in itertools.product(results.CATEGORIES, results.MODELS.values(), columns):
         ahead = {("chair", "ddf_image", "Pi_g-L"): 8.0, ("car", "ddf_image", "Pi_pred-L"): -8.0}
         ahead = ahead.get((category, method, column), 0.0)
         for shape in range(12):
