@@ -39,8 +39,8 @@ class _Unsure:
 
 
 def _seen(mesh, size=137):
-    ways = cameras.pixel_directions(size, np.zeros(())).reshape(-1, 3)
-    centre, ways = cameras.pixel_rays(*np.array(CAMERA), ways)
+    (azimuth, elevation, radius), along = np.array(CAMERA), cameras.pixel_directions(size, np.zeros(()))
+    centre, ways = cameras.pixel_rays(azimuth, elevation, radius, along.reshape(-1, 3))
     starts = np.broadcast_to(centre / transforms.BENCHMARK_FROM_V1, ways.shape).copy()
     return np.isfinite(raycast.Scene(mesh).first_hits(starts, ways)[0]).reshape(size, size)
 
