@@ -102,12 +102,12 @@ def fit(
         found, sources = _sensed(given, network=True)
         result = fitting.fit(found.scan, settings, out, sources, threads=used, force=force)
         told = _of_rays(found, given, out, up, result, f"{result['steps']:,} steps{_few(result['steps'])}")
-        return told | {"doubtful": cut and result["steps"] < fitting.FEW_STEPS}
-    loaded = mesh_io.load_surface(mesh)
-    result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
-    spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
-    after = f"{spent}{_few(result['steps'])}"
-    told = _inspected(out, loaded, up, result, f"{spent}; more --minutes go on from there", after)
+    else:
+        loaded = mesh_io.load_surface(mesh)
+        result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
+        spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
+        after = f"{spent}{_few(result['steps'])}"
+        told = _inspected(out, loaded, up, result, f"{spent}; more --minutes go on from there", after)
     return told | {"doubtful": cut and result["steps"] < fitting.FEW_STEPS}
 
 
