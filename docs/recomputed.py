@@ -123,7 +123,8 @@ def tables(text: str) -> Iterator[dict[Cell, str]]:
             category = first or category
             camera, _, size = label.partition("-")
             for name, value in zip(header[2:], values, strict=True):
-                metric, _, method = name.rpartition(" ")
+                method = next((each for each in METHODS if name.endswith(f" {each}")), "")
+                metric = name.removesuffix(f" {method}")
                 if header[1] == "camera, points" and metric in METRICS:
                     cells[category, METHODS[method], f"{CAMERAS[camera]}-{size}", metric] = value
                 elif name in METRICS and label in ROWS | ALONE:

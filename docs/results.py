@@ -178,11 +178,11 @@ def best(measured: Measured) -> str:
                 claimed[way].setdefault(f"{model}, {camera} camera", []).append(f"{category} {metric} ({told})")
     means = f"Best of {found.total()} means: {', '.join(f'{name} {count}' for name, count in found.most_common())}."
     if not measured.open:
-        return f"{means} None is claimed to be better: scores per image of this run were not kept."
+        return f"{means}\n- Claimed none: scores per image of this run were not kept."
     better, worse = (
         "; ".join(f"{who}: {', '.join(cells)}" for who, cells in claimed[way].items()) or "none" for way in (1, -1)
     )
-    return f"{means} Claimed to be better than both other models: {better}. Claimed to be worse than both: {worse}."
+    return f"{means}\n- Claimed better than both other models: {better}.\n- Claimed worse than both: {worse}."
 
 
 def bench(name: str) -> list[dict]:
@@ -489,7 +489,9 @@ if __name__ == "__main__":
         (ROOT / page).write_text(before + lines_of(fill(cells(table))) + after)
     for page, above, report in CLAIMS:
         before, table, after = parts((ROOT / page).read_text(), above)
-        (ROOT / page).write_text(before + table + re.sub(r"\A\n- .*", f"\n- {best(Measured(report))}", after))
+        (ROOT / page).write_text(
+            before + table + re.sub(r"\A\n- .*(\n- Claimed .*)*", f"\n- {best(Measured(report))}", after)
+        )
     for page, begins, fill in LINES:
         text = (ROOT / page).read_text()
         before, found, after = text.partition(f"\n{begins}")

@@ -5,7 +5,7 @@ from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import line_field, reconstruction_models, reconstruction_settings
-from ddf.reconstruction import line_clouds, many_images, mask_descent, three_views
+from ddf.reconstruction import line_cameras, line_clouds, many_images, mask_descent, three_views
 from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
@@ -35,7 +35,10 @@ def make(run: Run) -> None:
         folder = run.folder(f"train_{name}", seed=run.seed)
         sources = [run.index, folder / model_files.MODEL]
         record = provenance.record(
-            [section, run.category, test.digest()], section.seed, sources, (many_images, line_clouds, three_views)
+            [section, run.category, test.digest()],
+            section.seed,
+            sources,
+            (many_images, line_clouds, line_cameras, three_views),
         )
         if name == "ddf":
             ddf = reconstruction_models.load_ddf(folder).network
@@ -51,6 +54,8 @@ def make(run: Run) -> None:
         else:
             image_model = line_field.load(folder).network
             tensors, facts = line_clouds.reconstruct(image_model, test, section)
+            moved = line_cameras.reconstruct(image_model, test, section, tensors["camera_pred"])
+            tensors, facts["seconds"]["camera_correction"] = tensors | moved[0], moved[1]
             several = three_views.of_features(image_model, test, section)
         names = {"images": test.names(), "train_images": train_images.names()}
         tensors, facts = common | tensors | several[0], facts | several[1]

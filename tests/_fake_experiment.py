@@ -147,13 +147,14 @@ class FakeExperiment:
         pcs = {size: self._clouds(category, n, 2 * NOISE) for size, n in SIZES.items()}
         pcs |= common | {"camera_pred": camera + np.array([-0.2, 0.03, 0.02])}
         storage.save_tensors(folder / "pcsiren.safetensors", _float32(pcs | three), record)
-        by = {"true": 3 * NOISE, "pred": 4 * NOISE}
+        by = {"true": 3 * NOISE, "pred": 4 * NOISE, "corrected": 3.5 * NOISE}
         image = {
             f"{size}.{name}": self._clouds(category, n, noise)
             for size, n in SIZES.items()
             for name, noise in by.items()
         }
         image |= common | {"camera_pred": camera + np.array([0.15, 0.02, 0.02])}
+        image["camera_corrected"] = image["camera_pred"] - np.array([0.1, 0, 0])
         storage.save_tensors(folder / "ddf_image.safetensors", _float32(image | three), record)
 
     def _clouds(self, category, count, noise):

@@ -4,7 +4,7 @@
   slope = jax.grad(lambda p: ask(parameters, p, v).depth.sum())(p)
 
 Numbers are of the type of the rays; float64 takes `jax_enable_x64`. Import it by `import ddf.jax`; JAX is no part of an
-extra. Patches are traced on the CPU, behind `jax.pure_callback`, and have sharp edges.
+extra. Patches are traced on the CPU, behind `jax.pure_callback`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,7 +22,7 @@ with extras.named():
 
     from ddf import torch as ddf_torch
     from ddf.fields import derivatives, pddf
-    from ddf.fields.grid import patch_field
+    from ddf.fields.grid import soft_rays
 
 Parameters = Mapping[str, Any]  # a tree of arrays, to be trained; empty of patches
 Ask = Callable[..., ddf_torch.Answer]
@@ -30,9 +30,11 @@ Within = Callable[[Parameters, jax.Array, jax.Array, Any], ddf_torch.Answer]  # 
 _TINY = 1e-30  # a direction along a side of the box
 
 
-def field(shape: Any) -> tuple[Parameters, Ask]:
+def field(shape: Any, soft: float | None = None) -> tuple[Parameters, Ask]:
     """The parameters of a field of `ddf.load`, `ddf.fit`, `ddf.generate` or `ddf.reconstruct`, and what asks it.
 
+    Args:
+      soft: of patches, as of `ddf.torch.Field`.
     Returns:
       parameters, and `ask(parameters, positions, directions, pose=None)`: an `Answer` as of `ddf.torch.Field.forward`,
       of positions and unit directions, (*batch, 3) once broadcast, in the frame and the unit of the mesh, which a pose
@@ -40,7 +42,7 @@ def field(shape: Any) -> tuple[Parameters, Ask]:
     Raises:
       ValueError: something else, or a field by ONNX alone.
     """
-    return _asking(ddf_torch.Field(shape, soft=0.0))
+    return _asking(ddf_torch.Field(shape, soft))
 
 
 def of_model(model: str) -> tuple[Parameters, Ask]:
@@ -54,7 +56,7 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
     """Of the module that holds the same field."""
     own, field_from_mesh = module._ask, module._field_from_mesh
     patches = isinstance(own, ddf_torch._Patches)
-    parameters, within = ({}, _patches(own.soft.field)) if patches else (_read(own), _network(own))
+    parameters, within = ({}, _patches(own.soft)) if patches else (_read(own), _network(own))
 
     def ask(
         parameters: Parameters, positions: Any, directions: Any, pose: Any = None, latent: Any = None
@@ -142,20 +144,48 @@ def _network(own: ddf_torch._Network) -> Within:
     return within
 
 
-def _patches(shape: patch_field.PatchField) -> Within:
-    """Patches, field frame, by Newton's method from the root as `ddf.torch` has it."""
-    rows, centres = shape.tree.patches, shape.tree.centres
+def _patches(soft: soft_rays.SoftPatches) -> Within:
+    """Patches, field frame, by Newton's method from the root as `ddf.torch` has it; see there."""
+    rows, centres, count = soft.field.tree.patches, soft.field.tree.centres, soft_rays.COUNT
     axes = np.stack((*derivatives.tangent_basis(torch.from_numpy(rows[:, :3])), rows[:, :3]), 1)
     bends = np.stack((rows[:, 4:6], rows[:, 5:7]), 1)
 
     def traced(*asked: Float[jax.Array, "*n 3"]) -> Float[np.ndarray, "*n 8"]:
-        met = shape.met(*(np.asarray(each, np.float64).reshape(-1, 3) for each in asked))
+        met = soft.field.met(*(np.asarray(each, np.float64).reshape(-1, 3) for each in asked))
         return met.reshape(*asked[0].shape[:-1], 8).astype(asked[0].dtype)
+
+    def bundled(*asked: Float[jax.Array, "*n 3"]) -> Float[np.ndarray, "*n out"]:
+        start, along = (torch.tensor(np.asarray(each)) for each in asked)
+        return soft(start, along).numpy()
+
+    def pulled(upstream: Any, *asked: Float[jax.Array, "*n 3"]) -> list[np.ndarray]:
+        start, along = (torch.tensor(np.asarray(each), requires_grad=True) for each in asked)
+        found = torch.autograd.grad(soft(start, along), (start, along), torch.tensor(np.asarray(upstream)))
+        return [each.numpy() for each in found]
+
+    def said(*asked: jax.Array) -> jax.Array:
+        kind = jax.ShapeDtypeStruct((*asked[0].shape[:-1], 2 * count), asked[0].dtype)
+        return jax.pure_callback(bundled, kind, *asked, vmap_method="broadcast_all")
+
+    def gradient(asked: tuple[jax.Array, ...], upstream: jax.Array) -> tuple[jax.Array, ...]:
+        kinds = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in asked]
+        return tuple(jax.pure_callback(pulled, kinds, upstream, *asked, vmap_method="broadcast_all"))
+
+    raw_outputs: Any = jax.custom_vjp(said)
+    raw_outputs.defvjp(lambda *asked: (said(*asked), asked), gradient)
+
+    def softened(start: jax.Array, along: jax.Array, met: ddf_torch.Answer) -> ddf_torch.Answer:
+        raw = raw_outputs(start, along)
+        share = jax.nn.sigmoid(raw[:, pddf.VISIBILITY_ROW])
+        share = share + jax.lax.stop_gradient((share - 0.5) / count)
+        scores = jnp.pad(raw[:, count:-1], ((0, 0), (0, 1)))
+        weights = jax.nn.softmax(scores) * (jax.lax.stop_gradient(share) > 0.5 / count)[:, None]
+        return met._replace(visibility=share, depths=raw[:, :count], weights=weights)
 
     def within(_: Parameters, start: jax.Array, along: jax.Array, u: Any) -> ddf_torch.Answer:
         asked = [jax.lax.stop_gradient(each) for each in (start, along)]
         kind = jax.ShapeDtypeStruct((len(start), 8), start.dtype)
-        met = jax.pure_callback(traced, kind, *asked, vmap_method="expand_dims")
+        met = jax.pure_callback(traced, kind, *asked, vmap_method="broadcast_all")
         seen = jnp.isfinite(met[:, 0])
         which = jnp.where(seen, met[:, 7], 0).astype(int)
         turn, bend, offset = (jnp.asarray(each, start.dtype)[which] for each in (axes, bends, rows[:, 3]))
@@ -171,7 +201,8 @@ def _patches(shape: patch_field.PatchField) -> Within:
         normals = jnp.where(seen[:, None], _facing(slope, along), 0.0)
         first = jnp.where(seen, depth, 0.0)[:, None]
         visible = seen.astype(start.dtype)
-        return ddf_torch.Answer(visible, jnp.where(seen, depth, jnp.inf), first, visible[:, None], normals)
+        found = ddf_torch.Answer(visible, jnp.where(seen, depth, jnp.inf), first, visible[:, None], normals)
+        return softened(start, along, found) if soft.radius else found
 
     return within
 

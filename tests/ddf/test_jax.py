@@ -32,13 +32,13 @@ def _agree(found, expected, tolerance=1e-9):
         np.testing.assert_allclose(own, other.detach().double().numpy(), rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize("name", ["network", "patches"])
+@pytest.mark.parametrize(("name", "soft"), [("network", None), ("patches", 0.0), ("patches", None)])
 @pytest.mark.parametrize(("kind", "tolerance"), [("float64", 2e-8), ("float32", 2e-3)])
-def test_answers_are_those_of_torch_for_any_batch_shape_compiled_and_mapped(name, kind, tolerance):
+def test_answers_are_those_of_torch_for_any_batch_shape_compiled_and_mapped(name, soft, kind, tolerance):
     shape, (starts, ways) = _shape(name), _rays(60, 1.2)
-    expected = ddf.torch.Field(shape, soft=0.0).double()(*map(torch.from_numpy, (starts, ways, POSE)))
+    expected = ddf.torch.Field(shape, soft).double()(*map(torch.from_numpy, (starts, ways, POSE)))
     assert 5 < expected.depth.isfinite().sum() < 60
-    parameters, ask = ddf_jax.field(shape)
+    parameters, ask = ddf_jax.field(shape, soft)
     starts, ways = starts.astype(kind), ways.astype(kind)
     found = jax.jit(ask)(parameters, starts.reshape(3, 4, 5, 3), ways.reshape(3, 4, 5, 3), POSE.astype(kind))
     assert found.depth.shape == (3, 4, 5) and found.normals.dtype == kind
@@ -68,7 +68,7 @@ def test_gradients_first_and_second_are_differences(name):
         shape = shape_field.ShapeField(_models.field(), -side, side, transforms.Similarity(0.5), {})
     else:
         shape = _shape(name)
-    parameters, ask = ddf_jax.field(shape)
+    parameters, ask = ddf_jax.field(shape, 0.0)
     assert np.isfinite(ask(parameters, starts, ways).depth).all()
 
     @jax.jit
@@ -76,6 +76,26 @@ def test_gradients_first_and_second_are_differences(name):
         return ask(parameters, p, v, jnp.concatenate([rows, POSE[3:]]))[:4]
 
     test_util.check_grads(said, (starts, ways, np.eye(4)[:3]), 2, modes=("rev",), atol=1e-6, rtol=1e-6, eps=1e-5)
+
+
+def test_soft_edges_have_the_gradients_of_torch_mapped_over_positions_alone():
+    shape, (starts, ways) = _shape("patches"), _rays(60, 1.5)
+    given = [torch.from_numpy(each).requires_grad_() for each in (starts, ways)]
+    found = ddf.torch.Field(shape, 0.2)(*given)
+    torch.stack((found.visibility, (found.weights * found.depths).sum(-1))).sum().backward()
+    parameters, ask = ddf_jax.field(shape, 0.2)
+
+    def said(p, v):
+        found = ask(parameters, p, v)
+        return found.visibility + (found.weights * found.depths).sum(-1)
+
+    slopes = jax.jit(jax.vmap(jax.grad(said, (0, 1))))(starts, ways)
+    for own, each in zip(slopes, given, strict=True):
+        assert each.grad is not None
+        np.testing.assert_allclose(own, each.grad.numpy(), rtol=0, atol=1e-7)
+        assert (np.abs(own).max(-1) > 0).sum() > 20
+    alone = jax.vmap(lambda p: ask(parameters, p, ways[0]).visibility)(starts)
+    np.testing.assert_array_equal(alone, ask(parameters, starts, ways[0]).visibility)
 
 
 def test_parameters_are_trained_by_their_gradient_and_rays_that_miss_have_none_that_is_not_finite():

@@ -1,9 +1,9 @@
 """One image or several of one object to its field, by the model with image features along the ray.
 
-Each picture is framed and its camera predicted, or told. Cameras of several pictures that were predicted then turn
-until the pictures agree: from the camera of each, the field of all others must show that picture's silhouette. (The
-field of a picture has the silhouette of that picture from its own camera, whatever the camera.) Azimuths alone turn:
-silhouettes tell elevation and radius less well than the model does.
+Each picture is framed and its camera predicted, or told. A predicted one is then corrected (`line_cameras`); those of
+several turn until the pictures agree: from the camera of each, the field of all others must show that picture's
+silhouette. (The field of a picture has the silhouette of that picture from its own camera, whatever the camera.)
+Azimuths alone turn: silhouettes tell elevation and radius less well than the model does.
 """
 
 import itertools
@@ -19,7 +19,7 @@ from ddf.core import checks
 from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import line_field, reconstruction_models
-from ddf.reconstruction import framing, given_cameras, line_clouds, one_image
+from ddf.reconstruction import framing, given_cameras, line_cameras, line_clouds, one_image
 
 TURNS = (180.0, 24.0, 12.0, 6.0, 3.0)  # degrees of azimuth that are tried either way, one after the other
 ROUNDS = 2  # of all pictures, at each
@@ -64,9 +64,11 @@ def reconstruct(
         scores = [None] * len(framed) if statistics is None else statistics.score(torch.cat(stages, dim=1)).tolist()
         given = predicted if seen_from is None else torch.from_numpy(np.stack(told)).to(predicted)
         each = model.views(framed, given)
-    if seen_from is None and len(pictures) > 1:
+    if seen_from is None:
         with one_image.timed(seconds, "camera"):
-            each = each._replace(cameras=agreeing(model.decoder, each, framed[:, 3]))
+            alone = len(pictures) == 1
+            found = line_cameras.corrected(model.decoder, each, framed[0, 3])[None, None] if alone else None
+            each = each._replace(cameras=agreeing(model.decoder, each, framed[:, 3]) if found is None else found)
     field = line_field.ImageField.of(model.decoder, each.of_one_shape())
     with one_image.timed(seconds, "cloud"):
         cloud = line_clouds.draw(field, max(points, one_image.WHOLE), one_image.seeded(seed))

@@ -1,4 +1,4 @@
-"""The thing that a picture shows, frame of v1: its closed mesh, and its colours where the picture sees it.
+"""The thing that a picture shows, frame of v1: its closed mesh, and its colours or its texture by the picture.
 
 The mesh is made of the field, its cloud and the picture's own outline.
 The field is looked at from all sides (`carved_surface`) and once more, with more weight, by the picture's camera. A
@@ -22,7 +22,7 @@ from scipy import ndimage
 from ddf.core import checks
 from ddf.fields import framed_field
 from ddf.fit import surfaces
-from ddf.geometry import cameras, carved_surface, rays, transforms
+from ddf.geometry import cameras, carved_surface, rays, textured, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.pictures import shaded
 
@@ -37,6 +37,7 @@ _LIKELY, _AS_LIKELY = 1.7, 0.3  # cells: nodes that are filled in, and how much 
 _AROUND, _WEIGHT = 2.5, 2.0  # cells around a node whose mean makes it likelier, and the weight of that mean
 _LEAST, _SHOWN = 0.01, 20  # of the largest part; nodes that alone explain their pixels
 _NEAR = 0.01  # of the size: a point that far behind what the camera sees is seen too
+_STRIPE = 8  # pixels
 _MIRRORED = np.array([1.0, 1.0, -1.0])
 _TURNS = (0.0, 90.0, 180.0, 270.0)  # degrees from the image's azimuth
 
@@ -138,11 +139,34 @@ class Paint:
         found[np.flatnonzero(~seen)[~mirrored]] = np.median(self.view[self.view[..., 3] >= OPAQUE][:, :3], axis=0)
         return found
 
-    def _shown(self, points: Float[np.ndarray, "n 3"]) -> tuple[UInt8[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
-        """Colours of the image where points are in it, and which of them it sees."""
+    def textured(self, mesh: Mesh) -> bytes:
+        """A GLB of a mesh with normals, in the image's colours: every triangle lies in the image where that shows more
+        of its corners, or of their mirror images; where it shows none, on a stripe of the median colour below.
+        """
+        size, sides = len(self.view), (mesh.vertices, mesh.vertices * _MIRRORED)
+        votes = [self._shown(each)[1][mesh.faces].sum(axis=1) for each in sides]
+        way = np.argmax([*votes, np.full(len(mesh.faces), 0.5)], axis=0)
+        own, faces = np.unique(way[:, None] * len(mesh.vertices) + mesh.faces, return_inverse=True)
+        way, vertex = np.divmod(own, len(mesh.vertices))
+        uv = np.tile([size / 2, size + _STRIPE / 2], (len(own), 1))
+        for number, each in enumerate(sides):
+            uv[way == number] = self._place(each[vertex[way == number]])
+        opaque = self.view[..., 3] >= OPAQUE
+        near = ndimage.distance_transform_edt(~opaque, return_distances=False, return_indices=True)
+        stripe = np.broadcast_to(np.median(self.view[opaque], axis=0), (_STRIPE, size, 4))
+        picture = Image.fromarray(np.concatenate([self.view[tuple(near)], stripe])[..., :3].astype(np.uint8))
+        normals = None if mesh.normals is None else mesh.normals[vertex]
+        return textured.glb(Mesh(mesh.vertices[vertex], faces, normals=normals), uv / [size, size + _STRIPE], picture)
+
+    def _place(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+        """Column and row, in pixels of the image, real."""
         rotation, centre = cameras.extrinsics(*np.array(self.camera))
         place = np.stack(cameras.project(points * transforms.BENCHMARK_FROM_V1, rotation, centre), axis=-1)
-        place = np.floor(place * len(self.view) / cameras.IMAGE_SIZE).astype(int)
+        return place * len(self.view) / cameras.IMAGE_SIZE
+
+    def _shown(self, points: Float[np.ndarray, "n 3"]) -> tuple[UInt8[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
+        """Colours of the image where points are in it, and which of them it sees."""
+        place, (_, centre) = np.floor(self._place(points)).astype(int), cameras.extrinsics(*np.array(self.camera))
         seen = (np.clip(place, 0, len(self.view) - 1) == place).all(axis=1)
         column, row = np.where(seen[:, None], place, 0).T
         pixels = self.view[row, column]

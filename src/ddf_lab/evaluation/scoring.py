@@ -101,11 +101,11 @@ def columns(
     """(method, column, predictions, cloud name, camera) of the paper's columns that the files hold."""
     cycles, both = _cycles(ddf), ("Pi_g", "Pi_pred")
     most = f".h{cycles[-1]}"
-    found = [(DDF, "Pi_g", ddf, most, "LS")]
-    if "camera_corrected" in ddf.tensors:
-        found.append((DDF, "Pi_corrected", ddf, most, "S"))
-    found += [(DDF, "Pi_pred", ddf, most, "LS"), *((PC_SIREN, camera, pc_siren, "", "LS") for camera in both)]
-    found += [(DDF_IMAGE, "Pi_g", ddf_image, ".true", "LS"), (DDF_IMAGE, "Pi_pred", ddf_image, ".pred", "LS")]
+    found = [(DDF, camera, ddf, most, "LS") for camera in CAMERA_COLUMNS]
+    found += [(PC_SIREN, camera, pc_siren, "", "LS") for camera in CAMERA_COLUMNS]
+    own = zip(CAMERA_COLUMNS, (".true", ".corrected", ".pred"), strict=True)
+    found += [(DDF_IMAGE, camera, ddf_image, name, "LS") for camera, name in own]
+    found = [each for each in found if CAMERA_COLUMNS[each[1]] in each[2].tensors]
     if 1 in cycles and len(cycles) > 1:
         found += [(DDF_ONE_CYCLE, camera, ddf, ".h1", "LS") for camera in both]
     if "L.mask" in ddf.tensors:

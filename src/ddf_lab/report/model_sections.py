@@ -12,7 +12,7 @@ from ddf_lab.report.pages import Cell, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
 MODELS = tuple((scores.METHOD_LABELS[method], method) for method in (scoring.DDF, scoring.PC_SIREN, scoring.DDF_IMAGE))
-COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
+COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-L", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
 LARGE = ("Pi_g-L", "Pi_pred-L")
 BASELINES = (
     baselines.CEILING,
@@ -41,7 +41,7 @@ _READING = (
     "L and S: {large:,} and {small:,} predicted points, against the whole true cloud.",
     "Π<sub>g</sub>: true camera; two models are told the scale, DDF+image reads the image by that "
     "camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
-    "mask, which both encoders see.",
+    "mask, which both encoders see; of DDF+image the azimuth by which its field is surest of the mask.",
     "Bold, in D<sub>C</sub> and F<sub>τ</sub> of L points alone: Student's t, their comparisons in a table corrected "
     "together (Holm, 5 %). Standard errors are over test shapes, paired, {over}.",
 )

@@ -18,6 +18,7 @@ _PREDICTED = (
     (scoring.DDF, "Pi_corrected"),
     (scoring.PC_SIREN, "Pi_pred"),
     (scoring.DDF_IMAGE, "Pi_pred"),
+    (scoring.DDF_IMAGE, "Pi_corrected"),
 )
 _AZIMUTH, *_OTHERS = ((f"{name}_median", (error.label, error.digits)) for name, error in ERRORS.items())
 _TURNED = ("azimuth_turned_x100", (f"azimuth > {scoring.TURNED_DEG:.0f}°, % of images", 0))

@@ -224,16 +224,6 @@ def read_scan(data, suffix, path):
     scans.read(path / f"scan{suffix}")
 
 
-def read_lens(data, _, path):
-    """What is told beside a depth image."""
-    (path / "view.png").write_bytes(_scans()[-1][1])
-    (path / "view.json").write_bytes(data)
-    scans.read(path / "view.png")
-
-
-_LENS = {"intrinsics": [[4, 0, 3], [0, 4, 3], [0, 0, 1]], "camera_to_scan": np.eye(4).tolist(), "depth_scale": 0.01}
-
-
 def _changed(suffix, data, rng):
     """A mutated file; of a ZIP file sometimes the archive, mostly what it holds."""
     if suffix == ".record":
@@ -254,7 +244,6 @@ KINDS = {
     "patches": (100, lambda: [(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
     "graphs": (100, _graphs, _at("field.onnx", onnx_field.load)),
     "scans": (200, _scans, read_scan),
-    "lenses": (200, lambda: [(".record", json.dumps(_LENS | {"width": 6, "height": 6}).encode())], read_lens),
     "scenes": (100, lambda: [(".yaml", _SCENE)], _at("scene.yaml", scenes.read_content)),
 }
 

@@ -2,12 +2,8 @@
 
 import numpy as np
 import pytest
-import yaml
-from _tiny_fits import SECTION
 
-from ddf.core import storage
 from ddf.data import cutouts
-from ddf.fields import shape_field
 from ddf.geometry import mesh_io
 
 pytestmark = pytest.mark.real
@@ -16,25 +12,6 @@ pytestmark = pytest.mark.real
 @pytest.fixture
 def cases(shared_dir):
     return shared_dir / "cases"
-
-
-def test_concave_prism_is_cast_right(cases, tmp_path, answer):
-    out = tmp_path / "hits.npz"
-    found = answer("cast", cases / "L2.obj", "--rays", cases / "L2.rays.npz", "--out", out)
-    assert (found["rays"], found["hits"]) == (3, 2)
-    with np.load(out) as hits:
-        np.testing.assert_allclose(hits["depth"], [np.inf, 4, 4], rtol=1e-12)
-
-
-def test_a_far_triangle_without_area_moves_neither_samples_nor_fit(cases, tmp_path, answer, shown):
-    mesh, out = cases / "far_point_face.obj", tmp_path / "samples.safetensors"
-    found = answer("samples", mesh, out, "--count", 200)
-    _, record = storage.load_tensors(out)
-    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "margin": 0.0}}))
-    shown("fit", mesh, tmp_path / "fit", "--config", tmp_path / "tiny.yaml")
-    own = shape_field.load(tmp_path / "fit").record
-    for frame in (found["field_from_raw"], record["field_from_raw"], own["field_from_mesh"]):
-        assert (frame["scale"], frame["translation"]) == (2, [-1, -1, -1])
 
 
 @pytest.mark.usefixtures("quick_completion")

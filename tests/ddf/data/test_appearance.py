@@ -11,7 +11,6 @@ from ddf.data.synthetic import appearance, assemble, palette, parts, render, wri
 CATEGORIES = tuple(write.CATEGORIES)
 STILL = ((0.0, 0.0, 0.0),) * 3
 LAMPS = render.Light(lamps=0.7, key=0.0, sky=0.0, above=0.0, front=0.0)
-KEY = render.Light(lamps=0.0, key=0.5, turn_deg=30.0, height_deg=50.0, sky=0.2, above=0.0, front=0.0)
 
 
 def _units(count, seed):
@@ -62,28 +61,6 @@ def test_two_lamps_of_the_renders_give_their_closed_form_and_cast_no_shadow():
     half = np.stack([lamp - directions for lamp in render.LAMPS])
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
     assert_close(shine, 0.7 * ((0.5 + 0.5 * (half * normals).sum(-1)) ** 9).sum(0), atol=1e-4)
-
-
-def test_key_light_falls_by_the_cosine_and_a_tenth_of_it_in_shadow():
-    azimuth = 25.0
-    turn, height = np.radians([azimuth + KEY.turn_deg, KEY.height_deg])
-    towards = np.array([np.cos(height) * np.cos(turn), np.sin(height), np.cos(height) * np.sin(turn)])
-    normals = np.concatenate([_units(40, 4), towards[None], -towards[None]]).astype(np.float32)
-    directions = np.broadcast_to(-towards, normals.shape).astype(np.float32)
-    asked = []
-
-    def hidden(rows, light):
-        assert_close(light, towards, atol=1e-6)
-        asked.append(rows)
-        return rows % 2 == 0
-
-    diffuse, shine, shadow = render.illuminate(KEY, azimuth, normals, directions, np.full(42, 8, np.float32), hidden)
-    cosine = normals @ towards
-    assert (asked[0] == np.flatnonzero(cosine > 0)).all()
-    assert (shadow == ((cosine <= 0) | (np.arange(42) % 2 == 0))).all()
-    expected = 0.2 + 0.5 * np.maximum(cosine, 0) * np.where(shadow, 0.1, 1.0)
-    assert_close(diffuse, expected, atol=1e-5)
-    assert_close(shine, np.where(shadow, 0, np.maximum(cosine, 0) ** 8), atol=1e-4)  # seen from the light: half = light
 
 
 @pytest.mark.parametrize("category", CATEGORIES)

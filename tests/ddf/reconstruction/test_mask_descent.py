@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from ddf.core import checks
-from ddf.fields import passes, rendering, siren
-from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.fields import rendering, siren
+from ddf.models import reconstruction_settings
 from ddf.reconstruction import mask_descent
 
 HOW = reconstruction_settings.ShapeCorrectionConfig(
@@ -96,23 +96,3 @@ def test_deviation_is_that_of_the_encoders_latents():
     torch.testing.assert_close(mask_descent.latent_deviation(model, features), latents.std(0))
     with pytest.raises(checks.InputError, match="at least 2 are needed; got 1"):
         mask_descent.latent_deviation(model, features[:1])
-
-
-def test_both_descents_round_products_on_a_gpu_and_nothing_after_them(monkeypatch):
-    seen, own, rounded = [], reconstruction_models.mask_loss, passes.rounded
-
-    def noted(*given):
-        seen.append(torch.get_float32_matmul_precision())
-        return own(*given)
-
-    monkeypatch.setattr(reconstruction_models, "mask_loss", noted)
-    model, latent = _model(), torch.tensor([[0.1, -0.1, 0.2, 0.7, 0.0]])
-    alpha, how = _alpha(model, latent), dataclasses.replace(HOW, steps=1)
-    for place, precision in (("cpu", "highest"), ("cuda", "high")):
-        monkeypatch.setattr(passes, "rounded", lambda _, place=place: rounded(torch.device(place)))
-        mask_descent.correct_shapes(model, latent, DEVIATION, CAMERA, SCALE, alpha, how)
-        mask_descent.correct_camera(
-            model, [latent[:, None]], CAMERA, SCALE, alpha, reconstruction_settings.CorrectionConfig(steps=0)
-        )
-        assert seen == 2 * [precision] and torch.get_float32_matmul_precision() == "highest"
-        seen.clear()

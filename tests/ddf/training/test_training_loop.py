@@ -1,6 +1,5 @@
 """The loop: resuming, clocks, averages, precision, and the plateau schedule."""
 
-import contextlib
 import dataclasses
 import functools
 import itertools
@@ -190,24 +189,3 @@ def _rows(*means):
 def test_one_reduction_for_each_5000_steps_without_a_better_mean(means, step, reduced):
     assert training_loop.plateau_reductions(_rows(*means), step) == reduced
     assert LOOP.rate(step, 10**6, reduced) == pytest.approx(1e-2 * 0.9**reduced)
-
-
-def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(training_loop, "PLATEAU_STEPS", 4)
-    seen, rate = [], loop_config.LoopConfig.rate
-    monkeypatch.setattr(loop_config.LoopConfig, "rate", lambda *given: seen.append(rate(*given)) or seen[-1])
-    model = nn.Linear(1, 1, bias=False)
-
-    def loss(stop, step):
-        if step == stop:
-            seen.pop()
-            raise KeyboardInterrupt
-        return 0 * model.weight.sum() + 1.0, {}
-
-    for name, stops in (("whole", [None]), ("parts", [6, 11, None])):
-        seen.clear()
-        for stop in stops:
-            with contextlib.nullcontext() if stop is None else pytest.raises(KeyboardInterrupt):
-                updates, groups = functools.partial(loss, stop), [{"params": list(model.parameters())}]
-                training_loop.fit(model, groups, updates, 14, LOOP, tmp_path / name, RECORD, "x")
-        assert seen == pytest.approx([1e-2] * 8 + [9e-3] * 4 + [8.1e-3] * 2)

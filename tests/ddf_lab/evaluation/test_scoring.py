@@ -61,8 +61,8 @@ def test_predicted_camera_columns_equal_a_comparison_in_camera_frames(experiment
 def test_all_columns_of_the_paper_are_there(experiment):
     found = [(method, column) for method, column, *_ in scoring.columns(*_models(experiment).values())]
     expected = [head for head in paper_results.SI3DR_COLUMNS if head[0] in ("ddf", "pc_siren")]
-    ours = [("ddf_image", f"{camera}-{size}") for camera in ("Pi_g", "Pi_pred") for size in "LS"]
-    assert found == [*expected, *ours, *paper_results.SI3DR1H_COLUMNS]
+    ours = [("ddf_image", f"{camera}-{size}") for camera in scoring.CAMERA_COLUMNS for size in "LS"]
+    assert found == [*expected[:2], ("ddf", "Pi_corrected-L"), *expected[2:], *ours, *paper_results.SI3DR1H_COLUMNS]
 
 
 def test_scores_do_not_depend_on_the_number_of_processes(experiment):
@@ -72,7 +72,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(experiment):
     pd.testing.assert_frame_equal(*tables, check_exact=True)
     counts = tables[0].groupby(["method", "column"]).size()
     assert [counts.pop((f"{method}_3views", "Pi_g-L")) for method in models] == [2, 2, 2]  # shapes
-    assert (counts == len(ddf.images)).all() and len(counts) == 17
+    assert (counts == len(ddf.images)).all() and len(counts) == 20
 
 
 def test_mean_over_images_and_standard_error():

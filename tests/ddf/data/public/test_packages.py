@@ -1,9 +1,6 @@
 """Packages of shapes: whole or not at all, one line for damaged and foreign ones, nothing outside the archive."""
 
-import os
 import shutil
-import subprocess
-import sys
 import zipfile
 
 import _shapes
@@ -107,34 +104,6 @@ def test_without_apt_get_the_message_says_what_to_put_where(tmp_path, monkeypatc
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(checks.InputError, match=rf"pieces_2.0-1_all.deb \({len(DEB)} bytes, SHA-256 {PIECES.sha256}\)"):
         packages.require(PIECES, WANTED)
-
-
-def test_apt_gets_own_complaint_is_passed_on(tmp_path, cache, monkeypatch):
-    _apt(tmp_path, monkeypatch, "echo E: Version not found >&2; exit 100")
-    with pytest.raises(checks.InputError, match=r"could not fetch pieces 1:2.0-1 \(E: Version not found\); `apt-get"):
-        packages.require(_shapes.package(b"x"), WANTED)
-    assert not list((cache / "packages").iterdir())
-
-
-def test_a_run_killed_while_it_unpacks_leaves_nothing_and_the_next_is_whole(tmp_path, cache):
-    (cache / "packages").mkdir(parents=True)
-    _put(cache / "packages", DEB)
-    call = (
-        "import os, signal; from ddf.data.public import packages\n"
-        "inner, count = packages._members, []\n"
-        "def members(*given):\n"
-        "    for item in inner(*given):\n"
-        "        count.append(item)\n"
-        "        if len(count) == 3: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "        yield item\n"
-        "packages._members = members\n"
-        f"packages.require(packages.{PIECES!r}, {WANTED!r})\n"
-    )
-    path = os.pathsep.join(sys.path)
-    done = subprocess.run([sys.executable, "-c", call], env={**os.environ, "PYTHONPATH": path}, check=False)
-    assert done.returncode == -9 and not packages.kept(PIECES).exists()
-    packages.require(PIECES, WANTED)
-    assert packages.has(PIECES, WANTED)
 
 
 def test_a_kept_archive_that_was_damaged_says_so(tmp_path):

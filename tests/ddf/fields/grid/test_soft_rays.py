@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from _shapes import cube, icosphere, moved
+from _shapes import cube, icosphere
 from torch.nn import functional
 
 from ddf.fields import pddf
@@ -52,28 +52,3 @@ def test_gradients_of_depths_are_differences_of_depths():
         ]
         off = (ends[0] - ends[1]) / 2e-5 - (slope * step[row]).sum(-1)
         assert off.abs().quantile(0.9) < 1e-4 * (slope * step[row]).sum(-1).abs().mean()
-
-
-def test_a_shape_is_found_by_its_silhouettes_alone():
-    shape = moved(cube(), np.array([1.0, 0.5, 0.7]), (0.0, 0.0, 0.0))
-    soft, size = _soft(shape, 0.1), 24
-    grid = torch.linspace(-1.4, 1.4, size, dtype=torch.float64)
-    across = torch.stack(torch.meshgrid(grid, grid, indexing="ij"), -1).reshape(-1, 2)
-    starts, ways = [], []
-    for axis in range(3):  # three pictures
-        place = torch.full((len(across), 3), 3.0, dtype=torch.float64)
-        place[:, [(axis + 1) % 3, (axis + 2) % 3]] = across
-        starts.append(place)
-        ways.append(-torch.eye(3, dtype=torch.float64)[axis].expand_as(place))
-    starts, ways = torch.cat(starts), torch.cat(ways)
-    wanted = torch.from_numpy(soft.field.evaluate(starts.numpy(), ways.numpy(), ("visibility",))["visibility"])
-    shift = torch.tensor([0.12, -0.15, 0.1], dtype=torch.float64, requires_grad=True)
-    optimiser, losses = torch.optim.Adam([shift], lr=0.01), []
-    for _ in range(60):
-        logits = soft(starts - shift, ways)[:, pddf.VISIBILITY_ROW]
-        loss = functional.binary_cross_entropy_with_logits(logits, wanted)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        losses.append(float(loss.detach()))
-    assert losses[-1] < 0.6 * losses[0] and float(shift.detach().abs().max()) < 0.015

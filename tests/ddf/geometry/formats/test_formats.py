@@ -294,19 +294,6 @@ def test_glb_json_padded_with_zeros_is_read_and_a_rotation_of_norm_zero_refused(
         mesh_io.parse(_glb(SQUARE, [0, 1, 2], node={"rotation": [0, 0, 0, 0]}), ".glb")
 
 
-@pytest.mark.parametrize("plain", [True, False])
-def test_obj_fourth_coordinates_are_told(plain):
-    text = OBJ.replace("v 0 0 0\n", "v 0 0 0 2\n").replace("v 1 0 0\n", "v 1 0 0 1\n")
-    text += "" if plain else "V 9 9 9 3\n"
-    told = f"the fourth coordinate of {1 if plain else 2} vertices is not used"
-    assert mesh_io.parse(text.encode(), ".obj").remarks == (told,)
-
-
-@pytest.mark.parametrize("letters", [75, 5000, 100_000])
-def test_stl_text_is_known_however_long_its_first_line(letters):
-    assert len(mesh_io.parse(STL.replace("solid", "solid " + "x" * letters, 1).encode(), ".stl").faces) == 12
-
-
 def test_far_triangle_without_an_area_sets_no_box():
     ball = icosphere(1)
     for far in ([[1000, 0, 0]] * 3, [[0.1, 0.2, 0.3], [333.4, 666.9, 1000.2], [700.1 / 3, 1400.5 / 3, 2100.4 / 3]]):
