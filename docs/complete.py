@@ -6,6 +6,7 @@ It needs the packages of `ddf shapes get`.
 import sys
 from pathlib import Path
 
+import labelled
 import numpy as np
 from PIL import Image
 
@@ -19,6 +20,7 @@ from ddf.pictures import completed_pictures
 SHAPE = "BlendSwap-CC-0__108__chair_with_cushion"  # of the validation split; CC0
 SIZE, POINTS, TRUTH = 420, 9000, (110, 110, 110)
 LOOKS_FROM = (25.0, 20.0)  # azimuth and elevation, degrees: past the side that the camera saw
+NAMES = ("the scan", "completed: seen blue,\ninferred orange", "the truth")
 OUT = Path(__file__).with_suffix(".webp")
 
 
@@ -35,10 +37,7 @@ def main() -> None:
         (truth, np.tile(TRUTH, (len(truth), 1))),
     ]
     pictures = [completed_pictures.dots(points, colours, SIZE, *LOOKS_FROM) for points, colours in drawn]
-    sheet = Image.new("RGB", (SIZE * len(pictures), SIZE), "white")
-    for place, picture in enumerate(pictures):
-        sheet.paste(Image.fromarray(picture), (SIZE * place, 0))
-    sheet.save(OUT, quality=80)
+    labelled.sheet([("", NAMES, [Image.fromarray(each) for each in pictures])]).save(OUT, quality=80)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,6 @@ KINDS = {"procedural": "cpu", "real": "real"}  # reports by their shapes
 NEAR = 90  # F(τ) of a relative, as in reports
 PAIRS = {  # rows with D_C and F(τ) in one cell
     "DDF, true camera": ("ddf", "Pi_g-L"),
-    "DDF, true camera, one projection cycle instead of three": ("ddf_nh1", "Pi_g-L"),
     "PC-SIREN, true camera": ("pc_siren", "Pi_g-L"),
     "DDF, predicted camera": ("ddf", "Pi_pred-L"),
     "PC-SIREN, predicted camera": ("pc_siren", "Pi_pred-L"),

@@ -115,8 +115,8 @@ def reconstruct(
     """Field, mesh, cloud and camera from a picture with a trained model.
 
     - The object may stand anywhere in the picture: it is framed as the training images are.
-    - The folder is a field for every other command. `shape.glb` has the picture's colours where that sees the mesh,
-      `picture.png` shows the picture and the field from four sides.
+    - The folder is a field for every other command. `shape.glb` has the picture as its texture, `picture.png` shows
+      both from four sides.
     - Several pictures before the model get a folder each; with `--together` they show one object.
     - The verdict: `like the training images`, `unusual: expect errors` (beyond 90 % of them), or `no chair` (beyond
       95 %).
