@@ -34,7 +34,6 @@ PRINTED = {"D_C": "D<sub>C</sub> ↓", "F(τ)": "F<sub>τ</sub> ↑"}
 LABELS = {"D<sub>C</sub> ↓": "D_C", "F<sub>τ</sub> ↑": "F(τ)", "F<sub>2τ</sub> ↑": "F(2τ)"}  # of reports
 MODELS = {"DDF": "ddf", "PC-SIREN": "pc_siren", "DDF+image": "ddf_image"}
 WHERE = {"true": "Pi_g", "predicted": "Pi_pred"}
-KINDS = {"procedural": "cpu", "real": "real"}  # reports by their shapes
 NEAR = 90  # F(τ) of a relative, as in reports
 PAIRS = {  # rows with D_C and F(τ) in one cell
     "DDF, true camera": ("ddf", "Pi_g-L"),
@@ -43,6 +42,8 @@ PAIRS = {  # rows with D_C and F(τ) in one cell
     "PC-SIREN, predicted camera": ("pc_siren", "Pi_pred-L"),
     "DDF+image, true camera": ("ddf_image", "Pi_g-L"),
     "DDF+image, predicted camera": ("ddf_image", "Pi_pred-L"),
+    "DDF, corrected camera": ("ddf", "Pi_corrected-L"),
+    "DDF+image, corrected camera": ("ddf_image", "Pi_corrected-L"),
     "DDF, mean latent of three images": ("ddf_3views", "Pi_g-L"),
     "PC-SIREN, mean latent of three images": ("pc_siren_3views", "Pi_g-L"),
     "DDF+image, three images, true cameras": ("ddf_image_3views", "Pi_g-L"),
@@ -54,11 +55,14 @@ PAIRS = {  # rows with D_C and F(τ) in one cell
 COMPLETED = ("chair", "plane")  # by `ddf complete`
 HARD = ("depth, 1 % noise", "depth, 2 % noise", "depth, 10 % outliers", "lidar")
 CAMERAS = {  # median errors
-    "azimuth, degrees": ("Pi_pred", "azimuth_error_deg_median", 1),
-    "turned round, % of images": ("Pi_pred", "azimuth_turned_x100", 0),
-    "IoU of the silhouette": ("Pi_pred", "silhouette_iou", 2),
-    "azimuth after the correction by the mask": ("Pi_corrected", "azimuth_error_deg_median", 1),
-    "elevation, degrees": ("Pi_pred", "elevation_error_deg_median", 2),
+    "azimuth, degrees": ("ddf", "Pi_pred", "azimuth_error_deg_median", 1),
+    "turned round, % of images": ("ddf", "Pi_pred", "azimuth_turned_x100", 0),
+    "IoU of the silhouette": ("ddf", "Pi_pred", "silhouette_iou", 2),
+    "azimuth after the correction by the mask": ("ddf", "Pi_corrected", "azimuth_error_deg_median", 1),
+    "elevation, degrees": ("ddf", "Pi_pred", "elevation_error_deg_median", 2),
+    "DDF+image: azimuth, degrees": ("ddf_image", "Pi_pred", "azimuth_error_deg_median", 1),
+    "DDF+image: corrected": ("ddf_image", "Pi_corrected", "azimuth_error_deg_median", 1),
+    "DDF+image: radius": ("ddf_image", "Pi_pred", "radius_error_median", 3),
 }
 Rows = list[list[str]]
 
@@ -124,11 +128,9 @@ def at_camera(measured: Measured, rows: Rows, camera: str = "Pi_g") -> Rows:
 
 
 def cameras(measured: Measured, rows: Rows) -> Rows:
-    """Median errors of the DDF's cameras."""
-    return [
-        [name, *(measured.text(c, "ddf", *CAMERAS[name][:2], digits=CAMERAS[name][2]) for c in CATEGORIES)]
-        for name, *_ in rows
-    ]
+    """Median errors of cameras."""
+    told = [(name, *CAMERAS[name]) for name, *_ in rows]
+    return [[name, *(measured.text(c, *key, digits=digits) for c in CATEGORIES)] for name, *key, digits in told]
 
 
 def far(measured: Measured, rows: Rows) -> Rows:
@@ -154,7 +156,7 @@ def relatives(measured: Measured, rows: Rows) -> Rows:
 
 def favours(rows: Rows) -> Rows:
     """The choices, with how much longer DDF+image was trained."""
-    longer = " and ".join(f"{ratio(report):.2f} ({kind})" for kind, report in KINDS.items())
+    longer = f"{ratio('cpu'):.2f} (procedural)"
     return [[f"Minutes of training, × {longer}", *row[1:]] if row[0].startswith("Minutes") else row for row in rows]
 
 
@@ -364,8 +366,7 @@ TABLES: list[tuple[str, str, Fill]] = [  # page, the line above the table, what 
     ("README.md", "On real shapes:", of("real:real", pairs, 1, False)),
     ("docs/results.md", "Real shapes, true camera:", of("real:real", at_camera)),
     ("docs/results.md", "Real shapes, predicted camera:", of("real:real", at_camera, "Pi_pred")),
-    ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", of("real:real", cameras)),
-    ("docs/results.md", "Real shapes, baselines, true camera (more in README):", of("real:real", pairs)),
+    ("docs/results.md", "Real shapes, cameras, and silhouettes of the DDF:", of("real:real", cameras)),
     ("docs/results.md", "### Where they fail", of("real:real", far)),
     (
         "docs/results.md",
@@ -408,13 +409,13 @@ LINES: list[tuple[str, str, Callable[[], str]]] = [  # page, how a line begins, 
     (
         "README.md",
         "- Minutes and seconds: [results](docs/results.md#budget-and-time). DDF+image trained for ",
-        lambda: f"{ratio('cpu'):.2f} times the others' minutes, {ratio('real'):.2f} on real shapes.",
+        lambda: f"{ratio('cpu'):.2f} times the others' minutes; on real shapes other work ran beside.",
     ),
     ("README.md", RELATED, related),
     ("docs/gallery.md", RELATED, related),
     ("docs/complete.md", f"- {RELATED}", related),
     ("docs/results.md", "- Time, procedural shapes: ", lambda: times("cpu")),
-    ("docs/results.md", "- Time, real shapes: ", lambda: times("real")),
+    ("docs/results.md", "- Time, real shapes: ", lambda: times("real", quiet=False)),
     ("docs/complete.md", "- Gains: paired, ± half the interval of 95 %. Claimed (Student's t, Holm): ", gains),
     ("docs/complete.md", "- A completion takes ", seconds),
     ("docs/complete.md", "- Of all hit rays of another view ", intervals),
@@ -450,8 +451,10 @@ def steps(report: str, section: str) -> int:
     return next(given["steps"] for _, given in reversed(layers) if "steps" in given)
 
 
-def times(report: str) -> str:
-    """What trainings and a test image took, as the report has it, and the steps of its experiment."""
+def times(report: str, quiet: bool = True) -> str:
+    """What trainings and a test image took, as the report has it, and the steps of its experiment. quiet: whether
+    nothing ran beside.
+    """
     page = (ROOT / "reports" / report / "README.md").read_text()
     image = dict(re.findall(r"(?m)^\| Π<sub>g</sub>, Π̂ \| (\S+) \| ([\d.]+) \|$", page))
     assert list(image) == list(MODELS)
@@ -461,7 +464,8 @@ def times(report: str) -> str:
         for name, own in zip(MODELS, sections, strict=True)
     ]
     images = ", ".join(f"{name} {seconds} s" for name, seconds in image.items())
-    return f"trainings {', '.join(taken)}, {ratio(report):.2f} times the others'; a test image {images}."
+    said = f"{ratio(report):.2f} times the others'" if quiet else "beside other work"
+    return f"trainings {', '.join(taken)}, {said}; a test image {images}."
 
 
 def parts(text: str, above: str) -> tuple[str, str, str]:

@@ -90,7 +90,7 @@ def test_near_relatives_are_those_of_the_report():
         assert np.allclose([float(each) for each in found], [float(each) for each in row[1].split(" | ")], atol=0.051)
 
 
-@pytest.mark.parametrize(("above", "count"), [("On real shapes:", 12), ("On procedural shapes:", 10)])
+@pytest.mark.parametrize(("above", "count"), [("On real shapes:", 14), ("On procedural shapes:", 9)])
 def test_readme_has_all_rows(above, count):
     assert len(results.cells(results.parts((results.ROOT / "README.md").read_text(), above)[1])) == count
 
