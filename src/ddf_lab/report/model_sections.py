@@ -116,7 +116,7 @@ def _listed(names: list[str]) -> str:
 
 def results_section(results: Results) -> Section:
     """Both models in the paper's columns, what their scores are made of, and the paper's numbers."""
-    caption = f"Means over images. Bold: better than both others. {scores.images_note(results)}"
+    caption = f"Means over images. Bold: better than all others of the line. {scores.images_note(results)}"
     on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
     blocks = [
         scores.pairs(results, results.groups, COLUMNS, MODELS, caption, labels=_ARROWS, spread=True),
