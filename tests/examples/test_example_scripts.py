@@ -121,7 +121,7 @@ def test_onnx_without_torch(tmp_path):
 def test_complete_a_scan(here, tmp_path):
     said = here("complete_a_scan.py", "--beams", "12")
     seen, inferred, explained = (int(each) for each in re.findall(r": (\d+)%", said))
-    assert seen + inferred in (99, 100, 101) and seen > 10 and explained > 20
+    assert seen + inferred in (99, 100, 101) and seen > 5 and explained > 20
     assert (tmp_path / "whole_chair" / "model.safetensors").is_file()
 
 
