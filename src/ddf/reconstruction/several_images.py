@@ -66,9 +66,9 @@ def reconstruct(
         each = model.views(framed, given)
     if seen_from is None:
         with one_image.timed(seconds, "camera"):
-            alone = len(pictures) == 1
-            found = line_cameras.corrected(model.decoder, each, framed[0, 3])[None, None] if alone else None
-            each = each._replace(cameras=agreeing(model.decoder, each, framed[:, 3]) if found is None else found)
+            how, alpha, one = model.decoder, framed[:, 3], len(pictures) == 1
+            found = line_cameras.corrected(how, each, alpha[0])[None, None] if one else agreeing(how, each, alpha)
+            each = each._replace(cameras=found)
     field = line_field.ImageField.of(model.decoder, each.of_one_shape())
     with one_image.timed(seconds, "cloud"):
         cloud = line_clouds.draw(field, max(points, one_image.WHOLE), one_image.seeded(seed))

@@ -136,8 +136,12 @@ class Paint:
         """
         found, seen = self._shown(points)
         found[~seen], mirrored = self._shown(points[~seen] * _MIRRORED)
-        found[np.flatnonzero(~seen)[~mirrored]] = np.median(self.view[self.view[..., 3] >= OPAQUE][:, :3], axis=0)
+        found[np.flatnonzero(~seen)[~mirrored]] = self._usual()
         return found
+
+    def _usual(self) -> Float[np.ndarray, "3"]:
+        """The median colour of the object."""
+        return np.median(self.view[self.view[..., 3] >= OPAQUE][:, :3], axis=0)
 
     def textured(self, mesh: Mesh) -> bytes:
         """A GLB of a mesh with normals, in the image's colours: every triangle lies in the image where that shows more
@@ -151,10 +155,9 @@ class Paint:
         uv = np.tile([size / 2, size + _STRIPE / 2], (len(own), 1))
         for number, each in enumerate(sides):
             uv[way == number] = self._place(each[vertex[way == number]])
-        opaque = self.view[..., 3] >= OPAQUE
-        near = ndimage.distance_transform_edt(~opaque, return_distances=False, return_indices=True)
-        stripe = np.broadcast_to(np.median(self.view[opaque], axis=0), (_STRIPE, size, 4))
-        picture = Image.fromarray(np.concatenate([self.view[tuple(near)], stripe])[..., :3].astype(np.uint8))
+        beside, stripe = self.view[..., 3] < OPAQUE, np.broadcast_to(self._usual(), (_STRIPE, size, 3))
+        near = ndimage.distance_transform_edt(beside, return_distances=False, return_indices=True)
+        picture = Image.fromarray(np.concatenate([self.view[tuple(near)][..., :3], stripe]).astype(np.uint8))
         normals = None if mesh.normals is None else mesh.normals[vertex]
         return textured.glb(Mesh(mesh.vertices[vertex], faces, normals=normals), uv / [size, size + _STRIPE], picture)
 
