@@ -29,7 +29,7 @@ from ddf.fit import (
     shape_samples,
 )
 from ddf.geometry import mesh_io
-from ddf.models import line_field, out_of_distribution, reconstruction_settings
+from ddf.models import out_of_distribution, reconstruction_settings
 from ddf.training import line_steps
 from ddf_lab.evaluation import card_scores, groups
 from ddf_lab.run import Run, class_of
@@ -37,7 +37,6 @@ from ddf_lab.run import Run, class_of
 CARD, INDEX, SOURCES = "card.md", "index.json", "sources.csv"
 FIT = fit_settings.FitConfig()
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
-LABEL = line_field.KIND  # of the scores
 SAMPLES = 3  # images beside a reconstruction model: first views of its first test shapes
 LICENCE = "MIT, as this repository. Shapes and images are made by its own code; nothing else went in."
 FIELDS = {  # of `showcase.SHAPES`: what each shows
@@ -166,7 +165,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
             "Matrices are stored in float16.",
         ],
         "Scores": [
-            "These weights on test shapes: D_C x 1000 / F(τ) x 100, with 5,000 points.",
+            f"These weights on test shapes of `{run.file}`: D_C x 1000 / F(τ) x 100, with 5,000 points.",
             *_scores(dataclasses.replace(run, category=name), out),
         ],
         "Limits": [
@@ -211,14 +210,12 @@ def write_sources(rows: Sequence[manifest.Row], path: Path) -> None:
 def _scores(run: Run, folder: Path) -> list[str]:
     """What the shipped weights of the run's category reach on its test shapes: on real ones alone, where there are."""
     kind = groups.REAL if storage.read_json(run.index)["source"] == "both" else ""
-    means, said = card_scores.measure(run, LABEL, folder, "test", kind).means(), []
+    means, said = card_scores.measure(run, folder, kind), []
     for group in means.index.unique("category"):
         reached = []
-        for camera, column in (("true camera", "Pi_g-L"), ("predicted camera", "Pi_pred-L")):
-            chamfer, share = (
-                means[group, "ddf_image", column, name] for name in ("chamfer_l2_sq_x1000", "f_score_tau_x100")
-            )
-            reached.append(f"{camera} {chamfer:.3f} / {share:.1f}")
+        for camera, column in (("true", "Pi_g"), ("predicted", "Pi_pred"), ("corrected", "Pi_corrected")):
+            chamfer, share = (means[group, column, name] for name in ("chamfer_l2_sq_x1000", "f_score_tau_x100"))
+            reached.append(f"{camera} camera {chamfer:.3f} / {share:.1f}")
         said.append(f"{group}s: {', '.join(reached)}.".capitalize())
     return said
 

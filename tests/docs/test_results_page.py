@@ -127,8 +127,8 @@ def test_an_open_report_is_claimed_from_its_bold_cells(tmp_path, monkeypatch):
     assert results.Measured("own:real").claims == set()
     (folder / "per_image.csv").write_text(claims.as_text([scored]))
     one = r"F\(τ\) \(by (\d\.\d) ± [01]\.\d, 12 shapes, 1 training alone"
-    won = rf"DDF\+image, true camera: chair {one}; retrieval is better: 70\.0\)"
-    said = rf"both other models: {won}\.\n- Claimed worse than both: DDF\+image, predicted camera: car {one}\)\.$"
+    won = rf"DDF\+image, true camera: chair {one}; retrieval by the true camera: 70\.0\)"
+    said = rf"by one image: {won}\.\n- Claimed worse than both: DDF\+image, predicted camera: car {one}\)\.$"
     match = re.search(said, results.best(results.Measured("own:real")))
     assert match and all(abs(float(gap) - 8) < 1 for gap in match.groups())
 

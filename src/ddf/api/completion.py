@@ -88,7 +88,8 @@ def complete(
       model: trained DDF, as of `reconstruct`: the category of the object.
       pose: 4x4, where its box lies: turns the model's axes (X ahead, Y up) to the scan's, scales by half the longest
         side, moves to the middle. None: all hits are of the object, which stands upright.
-      refine: whether the pose may move, by some 15 degrees and a tenth of the size; without a pose it always may.
+      refine: whether the pose may move, which is then off by 15 degrees and a tenth of half the longest side
+        (deviations); without a pose it always may.
       up: without a pose, the axis of the scan's frame that points up: y, z or -y. None: y, or of a depth image in its
         camera's own frame what is up before a camera that looks level or down.
       noise: standard deviation of a range, unit of the scan.

@@ -107,9 +107,9 @@ class Queried:
     def udf(self, positions: npt.ArrayLike) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
         """Unsigned distances to the surface, and the directions of its closest point.
 
-        The distance is that to the nearest of hits that are drawn once from the field, at the first call. Each was
-        asked for again from four other starts. Those stay on which the answers agree better than on their neighbours,
-        and each is moved into the plane of the hits around it.
+        The distance is that to the nearest of points that are drawn at the first call: of patches, anywhere on them;
+        else hits. Each hit was asked for again from four other starts. Those stay on which the answers agree better
+        than on their neighbours, and each is moved into the plane of the hits around it.
 
         Args:
           positions: (n, 3), anywhere, in the frame and the unit of the mesh.

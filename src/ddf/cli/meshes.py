@@ -70,7 +70,7 @@ def mesh(
         "left_out": list(raw.remarks),
         "outcome": prepared.verdict,
         "table": {
-            "faces": f"{len(prepared.mesh.faces):,} of {len(raw.faces):,}",
+            "faces": f"{len(prepared.mesh.faces):,}, from {len(raw.faces):,}",
             "way": "closed by a wrap" if prepared.wrapped else "closed already, kept as it is",
             "largest distance": share(prepared.hausdorff),
             "of what is seen": share(prepared.hausdorff_seen),

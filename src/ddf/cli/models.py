@@ -340,15 +340,16 @@ def generate(
         for name, picture in seen.items():
             storage.write_bytes(folder / f"{name}.png", results.encode([picture], ".png"))
     per_line = max(_PER_LINE, -(-samples * len(looks[0]) // 80))  # a WebP has 16,383 lines of pixels at most
-    made = {"samples": _rows(looks, per_line)}
+    names = [f"{number:03d}" for number in range(samples)]
+    made = {"samples": _rows(looks, names, per_line)}
     if samples > 1:
         ends = [generated_images.between((each[0], each[1]), _INTERPOLATED) for each in (latents, textures)]
         steps = [_look(drawn, drawn.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
-        made["between"] = _rows(steps, _INTERPOLATED)
+        made["between"] = _rows(steps, [names[0]] + _INTERPOLATED * names[1:2], len(steps))
     for name, rows in made.items():
         storage.write_bytes(out / f"{name}.webp", picture_strips.sheet(rows, _SIZE))
     return {
-        "samples": [f"{number:03d}" for number in range(samples)],
+        "samples": names,
         "sheets": [f"{name}.webp" for name in made],
         "images": bool(features),
         "seed": seed,
@@ -381,13 +382,17 @@ def _clay(shape: "shape_field.ShapeField", place: tuple[float, float], size: int
     return shaded.render(standing, camera, size, shaded.window(standing, [camera])).picture
 
 
-def _rows(looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int) -> "list[picture_strips.Row]":
-    """Lines of shapes, each above that of its images."""
+def _rows(
+    looks: "Sequence[dict[str, field_pictures.Picture]]", names: "Sequence[str]", per_line: int
+) -> "list[picture_strips.Row]":
+    """Lines of shapes, named by the first and the last, each above that of its images."""
     import numpy as np
 
-    lines = [looks[start : start + per_line] for start in range(0, len(looks), per_line)]
+    lines = [(looks[i : i + per_line], names[i : i + per_line]) for i in range(0, len(looks), per_line)]
     return [
-        ("", np.stack([each[name].transpose(2, 0, 1) / 255 for each in line])) for line in lines for name in looks[0]
+        (f"{own[0]} to {own[-1]}", np.stack([each[kind].transpose(2, 0, 1) / 255 for each in line]))
+        for line, own in lines
+        for kind in looks[0]
     ]
 
 

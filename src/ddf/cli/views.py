@@ -58,8 +58,8 @@ def render(
 
     A [scene file](formats.md#scene-files) lists fields; each is asked for the rays that meet its box alone. Arrays of
     `--turn` and `--fly` have an axis of frames. Shadows are asked of the field. Most pixels take two rays at most;
-    outlines, creases and edges of shadows up to 20. `--ao N` adds N to each sample on the object. `evaluated`: rays
-    asked; `saved`: those of all samples, of every field, less these.
+    outlines, creases and edges of shadows up to 18; finding the window, some 20,000. `--ao N` adds N to each sample on
+    the object. `evaluated`: rays asked; `saved`: those of all samples, of every field, less these.
     Without a distance a shaded picture frames what is seen of the object (`window`: left, top, side, of the camera's
     frame); with `--camera 35,25,0.7` it has the camera's frame, as outputs have.
 

@@ -97,7 +97,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         labels=2,
     )
     said = (
-        "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do. g_v, soft: the paper's means of"
+        "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` does of networks. g_v, soft: the paper's means of"
         " depths and of candidates, at all points; it gives no η_T. Least: of candidates that see one, with v*"
         f" of η_T = {udf.TEMPERATURE:g}, not the paper's. ε_s = {udf.INVERSE_DEPTH:g}."
     )

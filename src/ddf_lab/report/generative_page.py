@@ -44,8 +44,8 @@ def write(run: Run, gan: generative_settings.GANConfig, section: generative_sett
     pictures, _ = storage.load_tensors(evaluated / "pictures.safetensors")
     told, shapes = scores["distribution"]["prior"]["told_apart"], scores["shapes"]
     lead = (
-        f"This model {'works' if told <= MOST_TOLD_APART else 'fails'}: its samples are told apart from learned shapes "
-        f"{100 * told:.0f} % of the time; 50 is best.",
+        f"This model {'works' if told <= MOST_TOLD_APART else 'fails'}: its samples are told apart from held-out "
+        f"shapes {100 * told:.0f} % of the time; 50 is best.",
         f"Experiment `{run.name}`: a shape VAE of {shapes['learned']} {run.category} shapes, and images from its "
         "normals.",
         f"Made by `make reproduce-generative CONFIG=configs/{run.name}.yaml`. All numbers were measured here, unless a "

@@ -129,6 +129,7 @@ def results_section(results: Results) -> Section:
             "What F<sub>τ</sub> is made of, × 100: predicted points near the truth, true points near the prediction.",
             labels=_SHARES,
         ),
+        distribution(results),
         scores.pairs(
             results,
             results.groups,
@@ -159,6 +160,17 @@ def results_section(results: Results) -> Section:
         ),
     ]
     return Section("Results", blocks)
+
+
+def distribution(results: Results) -> Table:
+    """F(τ) × 100 under which a tenth, a half and nine tenths of the images lie."""
+    metric, rows = cloud_scores.METRICS[_F_SCORE], list[Sequence[str]]()
+    for group in results.groups:
+        found = [[claims.rows_of(t, group, (method, LARGE[1])) for t in results.trainings] for _, method in MODELS]
+        shares = [metric.factor * pd.concat(own)[metric.score].quantile([0.1, 0.5, 0.9]) for own in found]
+        rows.append([group, *(" / ".join(f"{share:.0f}" for share in own) for own in shares)])
+    caption = "F<sub>τ</sub> × 100 under which 10, 50 and 90 % of the images lie: predicted camera, L points."
+    return Table(caption, ["", *(name for name, _ in MODELS)], rows)
 
 
 def reading(results: Results) -> tuple[str, ...]:

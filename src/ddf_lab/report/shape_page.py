@@ -137,7 +137,7 @@ def _ablation_section(left_out: pd.DataFrame, fits: Mapping[str, Mapping[str, An
     most, steps = max(found["samples"] for found in fits.values()), fits[shape_fits.NONE]["steps"]
     budgets = (
         f"Here every fit has {most:,} samples or less by rounding, all types together, and {steps:,} steps; the "
-        "paper's have 500,000 and 100,000 on the Stanford bunny: [ablate_samples.csv](ablate_samples.csv)."
+        "paper's have 500,000 and 100,000 on the Stanford bunny. Errors: [ablate_samples.csv](ablate_samples.csv)."
     )
     return pages.Section("Sample types left out", [*tables, budgets])
 

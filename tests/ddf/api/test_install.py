@@ -14,6 +14,7 @@ from pathlib import Path
 import _page_inputs
 import pytest
 
+import ddf
 from ddf.core import extras
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -199,6 +200,13 @@ def test_the_commands_of_the_pages_run_in_the_extra_that_they_name(extra, versio
     files = [file for file in (tmp_path / "env").rglob("*") if not file.is_symlink() and file.suffix != ".pyc"]
     assert sum(file.stat().st_size for file in files) <= BASE_BYTES
     assert run(commands, tmp_path, "python -c 'import ddf_lab'").returncode == 1
+
+
+@pytest.mark.slow
+def test_an_onnx_file_is_asked_in_its_own_extra(wheel, tmp_path):
+    ddf.load("rabbit-network").export(tmp_path / "field.onnx")
+    done = run(environment(tmp_path, PYTHONS[0], wheel, "onnx"), tmp_path, "ddf render field.onnx picture.png")
+    assert done.returncode == 0 and (tmp_path / "picture.png").is_file(), done.stderr
 
 
 @pytest.mark.slow

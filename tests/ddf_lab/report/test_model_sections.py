@@ -68,6 +68,8 @@ def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
         ddf_image=perfect,
     )
     ours = {"a": [0.5, 0.75], "b": [0.75, 0.75], "c": [0.625, 0.625]}
+    (row,) = model_sections.distribution(_results(first.replace("Pi_g-L", "Pi_pred-L"))).rows
+    assert row == ["chair", "38 / 75 / 100", "12 / 62 / 75", "100 / 100 / 100"]
     second = _scored(ddf=ours, pc_siren=rival, ddf_image=perfect)
     found = model_sections.by_shape(_results(first, second), "chair")
     assert found.loc["a"].to_dict() == pytest.approx({"nearest": 50, "ddf": 50, "pc_siren": 75, "ddf_image": 100})
