@@ -19,7 +19,8 @@ FAULTS = {
     for file, entry in KNOWN.items()
     for name, (old, new) in entry["faults"].items()
 }
-COPIED = ("src", "tests", "bench", "docs", "stages", "configs", "reports", "pyproject.toml", "pipeline.yaml")
+COPIED = ("src", "tests", "bench", "docs", "stages", "configs", "reports")
+COPIED += ("pyproject.toml", "pipeline.yaml", "requirements.lock")
 
 
 def test_each_fault_has_its_place_once_and_tests_that_may_notice():

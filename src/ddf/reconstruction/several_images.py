@@ -1,29 +1,20 @@
 """One image or several of one object to its field, by the model with image features along the ray.
 
-Each picture is framed and its camera predicted, or told. A predicted one is then corrected (`line_cameras`); those of
-several turn until the pictures agree: from the camera of each, the field of all others must show that picture's
-silhouette. (The field of a picture has the silhouette of that picture from its own camera, whatever the camera.)
-Azimuths alone turn: silhouettes tell elevation and radius less well than the model does.
+Each picture is framed and its camera predicted, or told. A predicted one is then corrected by its own picture
+(`line_cameras`); turning those of several until the pictures agree made fields of three no better on validation shapes.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
-from torch import Tensor
 
 from ddf.core import checks
-from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import line_field, reconstruction_models
 from ddf.reconstruction import framing, given_cameras, line_cameras, line_clouds, one_image
-
-TURNS = (180.0, 24.0, 12.0, 6.0, 3.0)  # degrees of azimuth that are tried either way, one after the other
-ROUNDS = 2  # of all pictures, at each
-MASK = 32  # pixels a side of the silhouettes that are compared
 
 
 @dataclass(frozen=True)
@@ -66,9 +57,10 @@ def reconstruct(
         each = model.views(framed, given)
     if seen_from is None:
         with one_image.timed(seconds, "camera"):
-            how, alpha, one = model.decoder, framed[:, 3], len(pictures) == 1
-            found = line_cameras.corrected(how, each, alpha[0])[None, None] if one else agreeing(how, each, alpha)
-            each = each._replace(cameras=found)
+            how, alpha = model.decoder, framed[:, 3]
+            alone = [line_field.Views(*(part[row, None] for part in each)) for row in range(len(alpha))]
+            found = [line_cameras.corrected(how, *pair) for pair in zip(alone, alpha, strict=True)]
+            each = each._replace(cameras=torch.stack(found)[:, None])
     field = line_field.ImageField.of(model.decoder, each.of_one_shape())
     with one_image.timed(seconds, "cloud"):
         cloud = line_clouds.draw(field, max(points, one_image.WHOLE), one_image.seeded(seed))
@@ -87,30 +79,3 @@ def _framed(
         return framing.Cutout(pixels), camera
     pixels, found = camera.framed(pixels, farthest)
     return framing.Cutout(pixels, framed=True), found
-
-
-@torch.no_grad()
-def agreeing(
-    decoder: line_field.LineDecoder, each: line_field.Views, alpha: Float[Tensor, "k s s"]
-) -> Float[Tensor, "k 1 3"]:
-    """Cameras of k views of one shape, their azimuths turned until the silhouettes agree best."""
-    masks = category_data.averaged(alpha, MASK) > 0.5
-    rows = range(len(masks))
-    best = _agreement(decoder, each, masks)
-    for turn, _, row, way in itertools.product(TURNS, range(ROUNDS), rows, (-1.0, 1.0)):
-        cameras = each.cameras.clone()
-        cameras[row, 0, 0] += way * np.radians(turn)
-        tried = each._replace(cameras=cameras)
-        if (found := _agreement(decoder, tried, masks)) > best:
-            each, best = tried, found
-    return each.cameras
-
-
-def _agreement(decoder: line_field.LineDecoder, each: line_field.Views, masks: Tensor) -> float:
-    """Mean overlap of each silhouette with that of the field of all other views, from its camera."""
-    found = []
-    for row in range(len(masks)):
-        others = each.of_one_shape([other for other in range(len(masks)) if other != row])
-        field = line_field.ImageField.of(decoder, others)
-        found.append(float(line_clouds.overlap(field, masks[row], each.cameras[row, 0])))
-    return float(np.mean(found))
