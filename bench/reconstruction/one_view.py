@@ -66,8 +66,9 @@ def fields(run: Run, shapes: int) -> Iterator[tuple[str, framed_field.FramedFiel
         seen = line_field.ImageField.of(asking.decoder, line_clouds.views_of(asking, images, rows))
         yield "DDF+image", seen, mesh
         cloud = line_clouds.draw(seen, CLOUD, torch.Generator().manual_seed(0)).double().numpy()
-        given = (cloud / line_field.FIELD_FROM_V1, tuple(images.cameras[row].tolist()), image[0, 3].mul(255).byte())
-        yield "patches", patch_fitting.patches(solid.solid(seen, *given[:2], given[2].numpy())), mesh
+        azimuth, elevation, radius = images.cameras[row].tolist()
+        alpha, points = image[0, 3].mul(255).byte().numpy(), cloud / line_field.FIELD_FROM_V1
+        yield "patches", patch_fitting.patches(solid.solid(seen, points, (azimuth, elevation, radius), alpha)), mesh
 
 
 def main(*, run: str = "real", categories: list[str] = ["chair", "plane", "car"], shapes: int = 100) -> measuring.Rows:  # noqa: B006

@@ -345,7 +345,7 @@ def generate(
     if samples > 1:
         ends = [generated_images.between((each[0], each[1]), _INTERPOLATED) for each in (latents, textures)]
         steps = [_look(drawn, drawn.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
-        made["between"] = _rows(steps, [names[0]] + _INTERPOLATED * names[1:2], len(steps))
+        made["between"] = _rows(steps, names[:2], _INTERPOLATED)
     for name, rows in made.items():
         storage.write_bytes(out / f"{name}.webp", picture_strips.sheet(rows, _SIZE))
     return {
