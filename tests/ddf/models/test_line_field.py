@@ -134,6 +134,11 @@ def test_lines_are_cut_where_they_enter_and_leave_the_box(field):
     assert (end.abs().amax(-1)[meets] - 1).abs().max() < 1e-9
 
 
+def test_a_depth_lies_in_the_part_so_many_steps_behind_the_entry():
+    depth, entry, step = torch.tensor([[0.7, 0.1], [0.1, 0.2], [0.25, 0.5]])
+    assert line_field.part_of(depth, entry, step).tolist() == [2, -1]
+
+
 def test_points_moved_between_cameras_keep_their_pixels():
     positions, directions = _rays(20)
     camera, other = torch.tensor([[[0.3, 0.4, 0.8]], [[0.5, 0.3, 0.9]]], dtype=torch.float64)

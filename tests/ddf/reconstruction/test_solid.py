@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from _shapes import icosphere
 
 from ddf.core import checks
 from ddf.data import mesh_topology
+from ddf.fit import patch_fitting
 from ddf.geometry import cameras, carved_surface, mesh_io, raycast, transforms
 from ddf.reconstruction import solid
 
@@ -104,3 +106,12 @@ def test_nothing_is_said(opaque, message):
     far, alpha = _boxes(((2.0, 0, 0), (0.1, 0.1, 0.1))), np.full((64, 64), opaque, np.uint8)
     with pytest.raises(checks.InputError, match=message):
         solid.solid(_Unsure(far, 0.0), _boxes(*CHAIR).vertices, CAMERA, alpha)
+
+
+def test_an_image_shows_what_its_camera_sees_of_a_ball():
+    camera, ball = (0.5, 0.4, 0.8), icosphere(3, 0.3)
+    paint = solid.Paint(patch_fitting.patches(ball), camera, np.full((64, 64, 4), 255, np.uint8))
+    centre = cameras.extrinsics(*np.array(camera))[1] / transforms.BENCHMARK_FROM_V1
+    facing = ball.vertices @ centre / (0.3 * np.linalg.norm(centre))  # cosine; the rim is at radius over distance
+    shown, rim = paint._shown(ball.vertices)[1], 0.3 / np.linalg.norm(centre)
+    assert shown[facing > rim + 0.05].all() and not shown[facing < rim - 0.2].any()
