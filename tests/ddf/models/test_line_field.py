@@ -9,8 +9,9 @@ import pytest
 import torch
 from torch.nn import functional
 
+from ddf.data.batches import category_data
 from ddf.fields import framed_field
-from ddf.geometry import cameras, rays
+from ddf.geometry import cameras, rays, transforms
 from ddf.models import line_field
 from ddf.training import line_steps
 
@@ -148,6 +149,12 @@ def test_points_moved_between_cameras_keep_their_pixels():
         seen = cameras.project(unit * start, *cameras.extrinsics(*camera[0]))
         again = cameras.project(unit * end, *cameras.extrinsics(*other[0]))
         torch.testing.assert_close(torch.stack(again), torch.stack(seen))
+
+
+def test_the_box_holds_what_the_training_shapes_reach_with_a_margin():
+    model, place = _hand_made.line_model(CONFIG), transforms.Similarity(4.0)
+    model.fit_box(category_data.ShapeSet.of(["a"], [place], [np.array([[0.1, -0.2, 0.05]])]))
+    assert model.decoder.upper.tolist() == pytest.approx([0.3, 0.5, 0.2])
 
 
 def test_steps_lower_the_loss_and_reach_every_parameter():
