@@ -19,8 +19,8 @@ FAULTS = {
     for file, entry in KNOWN.items()
     for name, (old, new) in entry["faults"].items()
 }
-COPIED = ("src", "tests", "bench", "docs", "stages", "configs", "reports")
-COPIED += ("pyproject.toml", "pipeline.yaml", "requirements.lock")
+FOLDERS = ("src", "tests", "bench", "docs", "stages", "configs", "reports")
+COPIED = (*FOLDERS, "pyproject.toml", "pipeline.yaml", "requirements.lock")
 
 
 def test_each_fault_has_its_place_once_and_tests_that_may_notice():

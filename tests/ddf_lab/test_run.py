@@ -38,6 +38,25 @@ def test_a_file_of_no_experiment_is_one_line(tmp_path, text, message):
         Run.read(tmp_path / "a.yaml")
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("pcsiren.stepz=7", "unknown key 'stepz'; the keys are steps, points, truth_points (did you mean steps?)"),
+        ("pcsiren.steps.more=7", "pcsiren.steps must be of type int; got {'more': 7}"),
+        ("ddf.proposals.points=0", "ddf.proposals: points must be >= 1; got 0"),
+        ("pcsiren=7", "give section.key=value"),
+        ("pcsiren.steps={", "not valid YAML"),
+    ],
+)
+def test_a_change_that_does_not_fit_is_one_line(tmp_path, change, message):
+    path = tmp_path / "a.yaml"
+    path.write_text("ddf: {}")
+    with pytest.raises(checks.InputError) as caught:
+        Run.read(path, changes=["dataset.seed=5", change]).sections()
+    assert str(caught.value).startswith(f"--set {change}: ") and message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 def test_every_setting_can_be_changed_whether_a_file_gives_it_or_not(tmp_path):
     path = tmp_path / "a.yaml"
     path.write_text("ddf: {counts: {U: 7, A: 7, B: 7, S: 7, T: 7, O: 7, E: 7}, proposals: {points: 9}}")

@@ -235,6 +235,25 @@ def test_file_holds_what_made_it(tmp_path):
     assert (again / model_files.MODEL).read_bytes() == (tmp_path / model_files.MODEL).read_bytes()
 
 
+def test_a_left_out_type_gives_its_share_of_a_step_to_the_others_and_takes_its_points_of_values_along():
+    samples = shape_samples.draw_samples(cube(), TINY.drawing, TINY.samples, "train")
+    counts = {"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50}
+    assert samples.batch_counts(counts) == counts
+    fewer = samples.without("S").batch_counts(counts)
+    assert "S" not in fewer and fewer["E"] == 50 and fewer["U"] == round(400 * 1450 / 1350)
+    assert abs(sum(fewer.values()) - sum(counts.values())) <= 3
+    batch = samples.without("S").batch(fewer, np.random.default_rng(0))
+    assert batch.positions.shape == (1, sum(fewer.values()), 3)
+    assert batch.span("S", "S").start == batch.span("S", "S").stop
+    more = {**dict.fromkeys(sample_types.ORDER, 10), "S+": 300, "U+": 20}
+    batch = samples.batch(samples.batch_counts(more), np.random.default_rng(0))
+    assert batch.positions.shape == (1, 390, 3) and batch.span("S+", "S+") == slice(90, 390)
+    stored = {tuple(row) for row in samples.arrays["S"]["positions"].tolist()}
+    assert all(tuple(row) in stored for row in batch.positions[0, 90:].tolist())
+    fewer = samples.without("S").batch_counts(more)
+    assert not {"S", "S+"} & set(fewer) and abs(sum(fewer.values()) - 390) <= 4
+
+
 @pytest.mark.parametrize(("start", "kept"), [("flat", True), ("random", False)])
 def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradient(tmp_path, start, kept):
     config = dataclasses.replace(

@@ -3,6 +3,7 @@
 import pytest
 import torch
 from _support import assert_close
+from torch.nn import functional
 
 from ddf.metrics import image_scores
 
@@ -17,6 +18,25 @@ def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():
     found = image_scores.score(first, second, image_scores.Subsets(2, 6))
     assert found["kid"] == pytest.approx(within - 2 * across)
     assert found["kid_spread"] == pytest.approx(0, abs=1e-12)  # every subset is all of them
+
+
+def test_the_mean_image_blur_and_noise_are_behind_other_images():
+    def discs(seed):
+        centres = torch.rand((60, 2, 1, 1), generator=torch.Generator().manual_seed(seed)) * 8 + 4
+        places = torch.stack(torch.meshgrid(torch.arange(16.0), torch.arange(16.0), indexing="ij"))
+        return 2 * ((places - centres).square().sum(1) < 9).float()[:, None].expand(-1, 3, -1, -1) - 1
+
+    real, others = discs(0), discs(1)
+    noise = torch.rand(real.shape, generator=torch.Generator().manual_seed(2)) * 2 - 1
+    fakes = {"mean": real.mean(0).expand_as(real), "blur": image_scores.blurred(others, 2.0), "noise": noise}
+    pooled = {  # of raw pixels, which hardly vary together, the mean image is the nearest
+        name: functional.avg_pool2d(8 * (each + 1), 4).mean(1).flatten(1)
+        for name, each in {"real": real, "others": others, **fakes}.items()
+    }
+    whole = image_scores.Subsets(2, 60)
+    rows = {name: image_scores.score(pooled[name], pooled["real"], whole)["kid"] for name in ("others", *fakes)}
+    assert min(rows, key=lambda name: rows[name]) == "others"
+    assert min(rows[name] for name in fakes) > 3 * abs(rows["others"])
 
 
 @pytest.mark.parametrize(
