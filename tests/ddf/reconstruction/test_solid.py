@@ -115,3 +115,17 @@ def test_an_image_shows_what_its_camera_sees_of_a_ball():
     facing = ball.vertices @ centre / (0.3 * np.linalg.norm(centre))  # cosine; the rim is at radius over distance
     shown, rim = paint._shown(ball.vertices)[1], 0.3 / np.linalg.norm(centre)
     assert shown[facing > rim + 0.05].all() and not shown[facing < rim - 0.2].any()
+
+
+def test_places_beside_an_opaque_picture_are_as_far_as_they_are():
+    places = np.array([[-8.0, -3, 142], [68, 68, 68]])  # row, column; the picture ends at 0 and 137; 3 pixels a cell
+    assert solid._beside(np.ones((137, 137), bool), 3.0, places) == pytest.approx([8 / 3, 1, 5 / 3], abs=0.01)
+
+
+def test_the_sheet_turns_from_the_camera_of_the_picture():
+    bar = _boxes(((0, 0, 0), (0.6, 0.1, 0.1)))  # along X, where azimuth 0 is
+    view = np.full((64, 64, 4), (200, 0, 0, 255), np.uint8)
+    paint = solid.Paint(patch_fitting.patches(bar), (np.pi / 4, 0.0, 0.9), view)
+    sheet = np.asarray(paint.sheet(64, (-45.0, 45.0))).astype(int)
+    wide = [(sheet[32, 64 * n : 64 * n + 64, 0] - sheet[32, 64 * n : 64 * n + 64, 1] > 50).sum() for n in range(3)]
+    assert wide[0] == 64 and 0 < 3 * wide[1] < wide[2] < 64
