@@ -64,7 +64,7 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
         asked = (jnp.asarray(each) * 1.0 for each in (positions, directions))  # whole numbers as real ones
         positions, directions = ddf_torch.broadcast(jnp.broadcast_arrays, *asked)
         to_field = jnp.asarray(field_from_mesh, positions.dtype)
-        to_field = to_field if pose is None else to_field @ jnp.linalg.inv(jnp.asarray(pose))
+        to_field = to_field if pose is None else to_field @ jnp.linalg.inv(jnp.asarray(pose)).astype(positions.dtype)
         linear, shape = to_field[:3, :3], positions.shape[:-1]
         along = (directions @ linear.T).reshape(-1, 3)
         stretch = jnp.linalg.norm(along, axis=-1, keepdims=True)

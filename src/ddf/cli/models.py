@@ -136,6 +136,7 @@ def reconstruct(
     from ddf import cli
     from ddf.api import reconstruction
 
+    _apart(model, out)
     if mask is not None and len(images) > 1:
         raise errors.InputError("--mask is of one picture; give one")
     if cameras is not None and len(images) > 1 and not together:
@@ -156,6 +157,12 @@ def reconstruct(
     found = {"command_seconds": seconds, "table": lines, "verdict": f"{len(made)} pictures after {seconds} s"}
     alone = {"table": {}, "verdict": f"{lines[0]} after {seconds} s"}
     return found | {"images": made} | (made[0] | alone if len(made) == 1 else {})
+
+
+def _apart(model: Path, out: Path) -> None:
+    """InputError where the files of a thing would replace those of the model that it is made by."""
+    if out.resolve() == (model.parent if model.is_file() else model).resolve():
+        raise errors.InputError(f"{out}: the model is read from there; give another folder")
 
 
 def _folders(images: Sequence[Path], out: Path) -> list[Path]:
@@ -231,6 +238,7 @@ def complete(
     from ddf.core import checks, storage
     from ddf.geometry import mesh_io, scans, transforms
 
+    _apart(model, out)
     if fixed and pose is None:
         raise errors.InputError("--fixed needs --pose: a pose that is not given cannot stay")
     if checks.require_whole("n", points, 2) and not 0 <= noise < np.inf:  # before the line that tells of the work

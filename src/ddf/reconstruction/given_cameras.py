@@ -132,6 +132,8 @@ def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
         return cameras.degrees_to_radians(_numbers(numbers, (3,), told, [-np.inf, -np.inf, 0]))
     if said.get("camera_model", "OPENCV") not in _MODELS:
         raise checks.InputError(f"{where}: camera_model {said['camera_model']} is not read; turn it into a pinhole's")
+    if any(said.get(name) for name in ("k3", "k4", "k5", "k6")):
+        raise checks.InputError(f"{where}: a lens of more than k1, k2, p1, p2 is not read; undistort the picture")
     pose = transforms.Similarity.of_matrix(f"{where}: {key}", said[key], _EXACT)
     if abs(pose.scale - 1) > _EXACT:
         raise checks.InputError(f"{where}: {key} must turn and move alone; it scales by {pose.scale:.3g}")

@@ -202,3 +202,10 @@ def test_what_does_not_do_is_told(content, told, tmp_path):
         (camera,) = given_cameras.read(file, [tmp_path / "a.png"])
         assert isinstance(camera, given_cameras.Pinhole)
         camera.framed(np.zeros((300, 420, 4), np.uint8), 0.95)
+
+
+def test_a_lens_of_more_terms_is_refused():
+    lens = {"camera_model": "OPENCV", "fl_x": 500, "w": 640, "h": 480, "k3": 0.3}
+    frame = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
+    with pytest.raises(checks.InputError, match="undistort"):
+        given_cameras._camera(frame, lens, "a.png")

@@ -16,7 +16,7 @@ from scipy import spatial
 
 import ddf
 from ddf.api import reconstruction
-from ddf.cli import models
+from ddf.cli import frame, models
 from ddf.core import shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import model_files
@@ -144,3 +144,12 @@ def test_the_verdict_is_a_sentence(model_dir, image, monkeypatch):
     for unlike, by in ((0.97, f"unlike_training 0.97, bound 0.95; {told[0]}"), (0.2, told[1])):
         line = models._line(made | {"unlike_training": unlike}, [image], told)
         assert line.startswith(f"a: V ({by}); seen from 0,0") and "outline" not in line
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "complete"])
+def test_the_model_is_not_replaced_by_what_it_makes(command, model_dir, capsys):
+    before = (model_dir / model_files.MODEL).read_bytes()
+    (model_dir / "given.png").write_bytes(b"")
+    assert frame.main([command, str(model_dir / "given.png"), str(model_dir), str(model_dir)]) == 2
+    assert "the model is read from there" in capsys.readouterr().err
+    assert (model_dir / model_files.MODEL).read_bytes() == before
