@@ -15,7 +15,7 @@ import jax.numpy as jnp  # pyright: ignore[reportMissingImports]
 import numpy as np
 from jaxtyping import Float
 
-from ddf.core import extras
+from ddf.core import checks, extras
 
 with extras.named():
     import torch
@@ -61,6 +61,9 @@ def _asking(module: ddf_torch.Field) -> tuple[Parameters, Ask]:
     def ask(
         parameters: Parameters, positions: Any, directions: Any, pose: Any = None, latent: Any = None
     ) -> ddf_torch.Answer:
+        most = parameters["prior"][1].shape[1] if "prior" in parameters else 0
+        if latent is not None and (jnp.ndim(latent) != 1 or not 0 < len(latent) <= most):
+            raise checks.InputError(f"latent: none of one shape, else up to {most} in a row; got {jnp.shape(latent)}")
         asked = (jnp.asarray(each) * 1.0 for each in (positions, directions))  # whole numbers as real ones
         positions, directions = ddf_torch.broadcast(jnp.broadcast_arrays, *asked)
         to_field = jnp.asarray(field_from_mesh, positions.dtype)

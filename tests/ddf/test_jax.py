@@ -7,6 +7,7 @@ import torch
 from _shapes import icosphere, towards
 
 import ddf
+from ddf.core import checks
 from ddf.fields import shape_field
 from ddf.geometry import transforms
 
@@ -56,6 +57,9 @@ def test_a_latent_gives_the_shapes_of_a_model_with_gradients_of_differences():
     expected = module(*map(torch.from_numpy, (starts, ways)), latent=torch.from_numpy(latent))
     _agree(ask(parameters, starts, ways, latent=latent), expected)
     _agree(ask(parameters, starts, ways), module(*map(torch.from_numpy, (starts, ways))))
+    for shape, given in ((parameters, np.zeros((1, 3))), ({}, latent)):
+        with pytest.raises(checks.InputError, match="latent: none of one shape"):
+            ask(shape, starts, ways, latent=given)
     said = jax.jit(lambda u: ask(parameters, starts, ways, latent=u)[:4])
     test_util.check_grads(said, (latent,), 1, modes=("rev",), atol=1e-6, rtol=1e-6, eps=1e-5)
 

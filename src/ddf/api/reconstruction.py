@@ -16,7 +16,7 @@ from ddf.geometry.mesh_io import Mesh
 if TYPE_CHECKING:
     from ddf.reconstruction import one_image, solid
 
-CAMERA, CLOUD, PICTURE = "camera.json", "cloud.ply", "picture.png"
+FILES = CAMERA, CLOUD, PICTURE, GLB, PLY = "camera.json", "cloud.ply", "picture.png", "shape.glb", "shape.ply"
 _SEEN = ("azimuth_deg", "elevation_deg", "radius", "unlike_training")
 _TOLERANCE = 2e-3  # of half the longest side: patches come so near to the mesh, whose cells are ten times as large
 
@@ -120,8 +120,8 @@ class Reconstruction:
             sheet, overlaps = self.paint.sheet(), [round(each, 3) for each in self.overlaps]
         out.mkdir(parents=True, exist_ok=True)
         field.save(out)
-        mesh.save(out / "shape.ply")
-        storage.write_bytes(out / "shape.glb", self.paint.textured(mesh))
+        mesh.save(out / PLY)
+        storage.write_bytes(out / GLB, self.paint.textured(mesh))
         storage.write_bytes(out / CLOUD, mesh_io.points_ply(self.points, self.normals))
         with storage.atomic_path(out / PICTURE) as temporary:
             sheet.save(temporary, "PNG")

@@ -11,6 +11,7 @@ from ddf.cli.declare import Arg, Command
 from ddf.core import errors, shipped_models
 from ddf.fields import field_outputs
 
+_MODEL = "model.safetensors"  # of the folder of a field or a model
 _FAR = 1e100  # diagonals from which a camera looks, at most
 SHADED = "shaded"  # no output of a field, but a picture
 Camera = tuple[float, float, float | None]
@@ -24,24 +25,27 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
       InputError: the output's folder does not exist (with --make-folders it is made), no file can have its name, or it
         is a file that the command reads; or nothing can be written there.
     """
+    models = list[Path]()
     for each in command.parameters:
         for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
             if is_scene(given) and "scene" not in each.arg.reads:
                 raise errors.InputError(f"{given}: scene files are for ddf render, ddf view and ddf.read_scene alone")
-            shipped_models.require(given, *each.arg.reads)
+            models.append(shipped_models.require(given, *each.arg.reads) / _MODEL)
     out, is_folder = written(command, args)
     if out is None:
         return
     from ddf.core import storage  # takes numpy, which bare help and `ddf doctor` do without
 
     read = [path for value in vars(args).values() for path in _listed(value)]
-    storage.protect(path for path in read if isinstance(path, Path) and path is not out and path.is_file())
+    read = [path for path in read if isinstance(path, Path) and path is not out]
+    storage.protect(path for path in (*read, *models) if path.is_file())
     target = Path(os.path.realpath(out))  # of a link
     if is_folder:
         if out.is_symlink() and not out.exists():
             raise errors.InputError(f"{out}: a link to {target}, which is not there; make that folder")
         if out.exists() and not out.is_dir():
             raise errors.InputError(f"{out}: is a file; give a folder to write")
+        storage.require_not_read(out / _MODEL)
         _require_writable(out, next(each for each in (target, *target.parents) if each.exists()))
         return
     if out.exists() and not out.is_file():
@@ -159,5 +163,5 @@ PictureOutputs = Annotated[
 ]
 Up = Literal["y", "z"]
 Points = Annotated[int, Arg("N", ("-n", "--points"), like="n")]
-Seed = Annotated[int, Arg("S", parse=whole_number(0))]
+Seed = Annotated[int, Arg("S", parse=whole_number(0, 2**63 - 1))]
 Natural = Annotated[int, Arg("N", parse=whole_number(1))]

@@ -188,7 +188,7 @@ def _parameter(parameter: inspect.Parameter) -> Parameter:
 def _add(parser: Any, parameter: Parameter, text: str) -> None:
     name, kind, default, is_option, arg = parameter
     is_required = default is inspect.Parameter.empty
-    if not (is_required or default in (None, False, [], ()) or "default" in text):
+    if not (is_required or default is None or default is False or default in ("", [], ()) or "default" in text):
         value = ",".join(default) if type(default) is tuple else f"{default:g}" if type(default) is float else default
         text = f"{text} (default {value})"
     if arg.writes == "folder":

@@ -80,7 +80,8 @@ def doctor(*, fast: bool = False) -> dict[str, Any]:
         "missing": missing,
         "ok": not missing,
     }
-    return result | {"table": _table(result), "verdict": "see MISSING above" if missing else "all is there"}
+    verdict = "see MISSING above" if missing else "all is there"
+    return result | {"table": _table(result), "verdict": verdict, "doubtful": bool(missing)}
 
 
 def _packages() -> tuple[dict[str, str | None], list[str]]:
@@ -90,7 +91,11 @@ def _packages() -> tuple[dict[str, str | None], list[str]]:
     if _CHECKOUT:
         pins = dict(re.findall(r"(?m)^([A-Za-z0-9._-]+)==(\S+)$", _LOCK.read_text()))
     else:
-        needed = [item for item in importlib.metadata.requires(extras.DISTRIBUTION) or [] if "extra ==" not in item]
+        try:
+            every = importlib.metadata.requires(extras.DISTRIBUTION) or []
+        except importlib.metadata.PackageNotFoundError:  # a copy of the files
+            every = []
+        needed = [item for item in every if "extra ==" not in item]
         pins = {re.split(r"[^\w.-]", item)[0]: None for item in needed}
     found: dict[str, str | None] = {}
     for name in pins:

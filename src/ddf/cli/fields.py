@@ -17,6 +17,9 @@ from ddf.fields import field_outputs
 if TYPE_CHECKING:
     from ddf.geometry import mesh_io, posed_depth
 
+_POSES = "are their poses right?"  # of what `posed_depth` remarks
+_DRAWN = 10_000  # points of each surface that is compared
+
 
 @command("field", api="field:fit")
 def fit(
@@ -28,8 +31,8 @@ def fit(
     tolerance: Annotated[float | None, Arg("T")] = None,
     minutes: Annotated[float | None, Arg("M", group="budget")] = None,
     steps: Annotated[int | None, Arg("N", group="budget")] = None,
-    seed: Annotated[int | None, Arg("S")] = None,
-    up: arguments.Up = "y",
+    seed: Seed | None = None,
+    up: arguments.Up | None = None,
     onto: Annotated[Path | None, Arg("FIELD")] = None,
     force: bool = False,
 ) -> dict[str, Any]:
@@ -48,7 +51,7 @@ def fit(
       out: gets model.safetensors, fit.json, of a mesh fit.png, of a network log.csv; a network's fit goes on there.
       config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
       seed: of sine: of samples, initial weights and batches.
-      up: axis of the mesh that points up; pictures and pages of the folder take it from fit.json.
+      up: axis that points up (default y, or FIELD's); pictures and pages of the folder take it from fit.json.
       onto: of rays: what FIELD was fitted to, read once more, counts too; OUT_DIR may be the same.
       force: replace the field of another mesh in OUT_DIR.
 
@@ -72,7 +75,7 @@ def fit(
     of_rays = posed_depth.is_rays(mesh)
     if onto is not None and not of_rays:
         raise errors.InputError(f"--onto adds rays to those of a field; {mesh} is a mesh")
-    earlier = [] if onto is None else _rays_of(onto)
+    earlier, up = ([], up or "y") if onto is None else _rays_of(onto, up)
     given = [*(each for each in earlier if each.resolve() != mesh.resolve()), mesh]
     force = force or (onto is not None and onto.resolve() == out.resolve())
     if kind != "sine" and not of_sine:
@@ -108,7 +111,7 @@ def fit(
         spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
         after = f"{spent}{_few(result['steps'])}"
         told = _inspected(out, loaded, up, result, f"{spent}; more --minutes go on from there", after)
-    return told | {"doubtful": cut and result["steps"] < fitting.FEW_STEPS}
+    return told | {"doubtful": told.get("doubtful") or (cut and result["steps"] < fitting.FEW_STEPS)}
 
 
 def _few(steps: int) -> str:
@@ -118,17 +121,18 @@ def _few(steps: int) -> str:
     return f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes" * (steps < fitting.FEW_STEPS)
 
 
-def _rays_of(field: Path) -> list[Path]:
-    """What a field was fitted to; InputError where that was no rays, or it is not there any more."""
+def _rays_of(field: Path, up: arguments.Up | None) -> tuple[list[Path], arguments.Up]:
+    """What a field was fitted to, and what is up unless it is told; InputError where that was no rays, or is gone."""
     from ddf.core import storage
     from ddf.fit import fit_folder
 
-    said = storage.read_json(field / fit_folder.METRICS).get("rays")
+    told = storage.read_json(field / fit_folder.METRICS)
+    said = told.get("rays") if isinstance(told, dict) else None
     if not isinstance(said, list):
         raise errors.InputError(f"{field}: was not fitted to rays, to which others could be added")
     if gone := [each for each in said if not (field / each).exists()]:
         raise errors.InputError(f"{field}: was fitted to {', '.join(gone)}, seen from there, which is gone")
-    return [field / each for each in said]
+    return [field / each for each in said], up or told.get("up", "y")
 
 
 def _sensed(given: list[Path], network: bool = False) -> tuple["posed_depth.Sensed", dict[str, str]]:
@@ -152,13 +156,15 @@ def _of_rays(
     from ddf.fit import fit_folder
     from ddf.geometry import posed_depth
 
-    already, off = result.pop("already"), result["held_out"]
-    result |= {"rays": posed_depth.seen_from(out, given), "up": up}
+    already, off, remarks = result.pop("already"), result["held_out"], list(found.scan.remarks)
+    result |= {"rays": posed_depth.seen_from(out, given), "up": up, "remarks": remarks}
+    doubts = [each for each in remarks if _POSES in each]
     storage.write_json(out / fit_folder.METRICS, result)
     return {
         **result,
         "understood": found.told,
-        "left_out": list(found.scan.remarks),
+        "left_out": remarks,
+        "doubtful": bool(doubts),
         "table": {
             "held-out rays": off["rays"],
             "median |depth - range|": off["depth_median"],
@@ -166,7 +172,8 @@ def _of_rays(
             "noise": result["noise"],
             "space seen": f"{result['seen']:.0%}",
         },
-        "verdict": f"field in {out}{', made before' if already else ''}: {result['seconds']:.1f} s, {spent}",
+        "verdict": f"field in {out}{', made before' if already else ''}: {result['seconds']:.1f} s, {spent}"
+        + "".join(f"; DOUBTFUL: {each}" for each in doubts),
     }
 
 
@@ -364,7 +371,7 @@ def surface(
     from ddf.geometry import mesh_io
 
     mesh_io.require_suffix(out.suffix)
-    true = None if truth is None else mesh_io.load(truth)
+    true = None if truth is None else mesh_io.load_surface(truth)
     shape = fields.load(field)
     other = "" if true is None else results.other_units("true mesh's", true.vertices, "field's", np.array(shape.box))
     sys.stderr.write(f"{truth}{other}\n" if other else "")
@@ -383,15 +390,19 @@ def surface(
     if out.suffix.lower() == ".stl" and (origin := mesh_io.told_origin(mesh.vertices)).any():
         verdict += f", whose coordinates are less {', '.join(map(str, origin))}, as its header tells"
     if true is not None:
+        from ddf.data.samples import draws
+        from ddf.geometry import raycast
         from ddf.metrics import cloud_scores
 
         unit = 2 / float(np.ptp(true.surface_vertices(), axis=0).max())
         same = [mesh_io.Mesh(unit * each.vertices, each.faces) for each in (mesh, true)]
         scores = cloud_scores.compare_meshes(same[0], same[1])
+        drawn = [draws.Surface.of(each).draw(_DRAWN, np.random.default_rng(0))[0] for each in same]
+        away = [float(raycast.Scene(a).distance(b).mean()) for a, b in zip(same, reversed(drawn), strict=True)]
         result |= {
-            "chamfer_l1": scores.chamfer_l1,
+            "chamfer_l1": sum(away) / 2,
             "chamfer_l2_sq": scores.clouds.chamfer_l2_sq,
             "normal_consistency": scores.normal_consistency,
         }
-        verdict += f"; {scores.chamfer_l1:.4f} from the truth on average, whose longest side is 2"
+        verdict += f"; {sum(away) / 2:.5f} from the truth on average, whose longest side is 2"
     return result | {"verdict": verdict}

@@ -71,7 +71,11 @@ def mesh(
         "outcome": prepared.verdict,
         "table": {
             "faces": f"{len(prepared.mesh.faces):,}, from {len(raw.faces):,}",
-            "way": "closed by a wrap" if prepared.wrapped else "closed already, kept as it is",
+            "way": "closed by a wrap"
+            if prepared.wrapped
+            else f"{prepared.openings_filled:,} openings filled"
+            if prepared.openings_filled
+            else "closed already, kept as it is",
             "largest distance": share(prepared.hausdorff),
             "of what is seen": share(prepared.hausdorff_seen),
             "mean distance": share(prepared.mean_distance),
@@ -180,7 +184,7 @@ def compare(
     *,
     tau_sq: Annotated[float, Arg("T")] = 1e-4,
     points: Natural = 10_000,
-    seed: Annotated[int, Arg("S", parse=arguments.whole_number(0))] = 0,
+    seed: Seed = 0,
     relative: bool = False,
 ) -> dict[str, Any]:
     """Chamfer distance and F-scores of two clouds or meshes, nothing scaled.

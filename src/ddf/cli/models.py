@@ -31,6 +31,7 @@ _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
 _SOURCES, _CARD = "sources.csv", "card.md"  # beside a shipped model
 _FEW_HITS = 200  # of a scan, under which the share that was seen means nothing
 _BESIDE = 50.0  # degrees from the sensor to who looks at the picture
+_COMPLETED = ("seen.ply", "inferred.ply", "cloud.npz", "picture.png", "completion.json")
 _AGREES = 0.85  # overlap of the outlines of a reconstruction and its picture, under which a line warns
 
 
@@ -136,13 +137,14 @@ def reconstruct(
     from ddf import cli
     from ddf.api import reconstruction
 
-    _apart(model, out)
     if mask is not None and len(images) > 1:
         raise errors.InputError("--mask is of one picture; give one")
     if cameras is not None and len(images) > 1 and not together:
         raise errors.InputError("--cameras is of one picture or, with --together, of several of one object")
     groups = [images] if together else [[image] for image in images]
     outs = [out] if together else _folders(images, out)
+    for folder in outs:
+        _require_free(folder, reconstruction.FILES)
     results.show_parts()
     of = reconstruction.reconstructor(model)
     made = []
@@ -159,10 +161,15 @@ def reconstruct(
     return found | {"images": made} | (made[0] | alone if len(made) == 1 else {})
 
 
-def _apart(model: Path, out: Path) -> None:
-    """InputError where the files of a thing would replace those of the model that it is made by."""
-    if out.resolve() == (model.parent if model.is_file() else model).resolve():
-        raise errors.InputError(f"{out}: the model is read from there; give another folder")
+def _require_free(folder: Path, files: Sequence[str]) -> None:
+    """InputError where files of a folder would replace what is read, or a fit, whose fit.json would stay."""
+    from ddf.core import storage
+    from ddf.fit import fit_folder
+
+    for name in files:
+        storage.require_not_read(folder / name)
+    if (folder / fit_folder.METRICS).exists():
+        raise errors.InputError(f"{folder}: holds the field of a fit; give another folder")
 
 
 def _folders(images: Sequence[Path], out: Path) -> list[Path]:
@@ -238,7 +245,7 @@ def complete(
     from ddf.core import checks, storage
     from ddf.geometry import mesh_io, scans, transforms
 
-    _apart(model, out)
+    _require_free(out, _COMPLETED)
     if fixed and pose is None:
         raise errors.InputError("--fixed needs --pose: a pose that is not given cannot stay")
     if checks.require_whole("n", points, 2) and not 0 <= noise < np.inf:  # before the line that tells of the work
@@ -278,10 +285,7 @@ def complete(
     verdict = f"{out}: {found.explained:.0%} of the hits explained"
     few = f"; {hits} hits are too few to tell how much of the surface was seen"
     verdict += few if result["seen"] is None else f", {result['seen']:.0%} of the surface was seen"
-    half, unit = (
-        np.cbrt(np.linalg.det(found.pose[:3, :3])),
-        "metres" if scan.suffix.lower() == ".png" else "units of the scan",
-    )
+    half, unit = np.cbrt(np.linalg.det(found.pose[:3, :3])), _unit(scan)
     ahead, upright, _ = found.pose[:3, :3].T / half
     turn = np.degrees(np.arctan2(ahead @ np.cross(upright, [1, 0, 0]), ahead[0]))
     verdict += f"; stands at {', '.join(f'{each:.3g}' for each in found.pose[:3, 3])}; turned {turn:.0f} degrees about "
@@ -290,6 +294,17 @@ def complete(
         verdict += f"; WARNING: perhaps no {Path(model).name}, or another pose or unit"
     table = {name: result[name] for name in ("explained", "likeness", "residual_median", "spread_median", "seconds")}
     return result | {"table": table, "verdict": verdict + results.left_out(given.remarks)}
+
+
+def _unit(scan: Path) -> str:
+    """Of a scan: steps of grey are millimetres, read as metres, where neither the image nor what lies beside tells."""
+    from ddf.core import storage
+    from ddf.geometry import scans
+
+    if scan.suffix.lower() != ".png":
+        return "units of the scan"
+    told = scans.grey(scan)[1] is not None or "depth_scale" in storage.read_json(scan.with_suffix(".json"))
+    return "units of the scan" if told else "metres"
 
 
 def _completed(found: "completion.Completion", given: "scans.Scan") -> "field_pictures.Picture":

@@ -151,8 +151,8 @@ def depth_png(depth: "Float[np.ndarray, 'height width']") -> tuple[bytes, float]
     from PIL import Image, PngImagePlugin
 
     seen = np.isfinite(depth)
-    step = float(depth[seen].max() / _LEVELS) if seen.any() else float("nan")
-    levels = np.where(seen, np.rint(np.where(seen, depth, 0.0) / (step if step > 0 else 1.0)), 0.0)
+    step = float(depth[seen].max() / _LEVELS if seen.any() else 0.0) or 1.0
+    levels = np.where(seen, np.rint(np.where(seen, depth, 0.0) / step).clip(1), 0.0)
     note = PngImagePlugin.PngInfo()
     note.add_text("depth_step", repr(step))
     note.add_text("depth_along", "the ray through each pixel, not the optical axis")

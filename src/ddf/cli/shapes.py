@@ -112,6 +112,7 @@ def shapes_add(
     from ddf.pictures import picture_strips
 
     folder = out or Path(os.environ.get("XDG_DATA_HOME") or "~/.local/share", "ddf", "shapes").expanduser()
+    storage.require_not_read(folder / manifest.FILE)
     taken, left_out = adding.add(folder, source, {"category": category, "up": up, "front": front})
     seen = [(each["id"], [picture_strips.on_white(v / 255) for v in adding.views(folder, each)]) for each in taken]
     storage.write_bytes(folder / "contact_sheet.webp", picture_strips.contact_sheet(seen))

@@ -99,7 +99,10 @@ def read(given: str | Path | Sequence[Any] | Mapping[str, Any], images: Sequence
         file, content = Path(given), storage.read_json(given)
     if isinstance(content, Mapping) and isinstance(content.get("frames"), list):
         shared = {"object_to_world": _Z_UP, **content}
-        content = {str(frame.get("file_path")): frame for frame in content["frames"] if isinstance(frame, Mapping)}
+        frames = [frame for frame in content["frames"] if isinstance(frame, Mapping)]
+        content = {str(frame.get("file_path")): frame for frame in frames}
+        if len(content) < len(frames):
+            raise checks.InputError(f"{file}: two frames have the same file_path, or none; each picture has one")
     if isinstance(content, Mapping) and "camera" not in content:
         content = [content[_named(image, content, file)] for image in images]
     content = content.get("cameras", content) if isinstance(content, Mapping) else content
@@ -124,7 +127,8 @@ def _named(image: Path, names: Iterable[str], file: Path) -> str:
 
 def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
     """One camera, in the units of the models."""
-    said = {**shared, **entry.get("camera", entry)} if isinstance(entry, Mapping) else {}
+    entry = entry.get("camera", entry) if isinstance(entry, Mapping) else entry
+    said = {**shared, **entry} if isinstance(entry, Mapping) else {}
     key = next((name for name in _MATRICES if name in said), None)
     if key is None:
         numbers = [said.get(name) for name in _FRAMED] if said else entry
@@ -149,7 +153,7 @@ def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
         if not angle < np.pi:
             raise checks.InputError(f"{where}: camera_angle_x of its lens is in radians, below pi; got {angle:g}")
         focal = 0.5 / np.tan(angle / 2)
-        if "w" not in said:
+        if not {"w", "cx", "cy"} & said.keys():
             return Pinhole(pose, (focal, focal, None, None), bent, None, where)
         said["fl_x"] = focal * length("w")
     width = length("w")

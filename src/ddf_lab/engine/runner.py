@@ -83,6 +83,8 @@ def _record(experiment: Run, seeds: int, data: str | None) -> None:
         remembered = folder.with_name(folder.name.partition("+")[0]) / "data_root"  # of what it is a variant of
         if own := experiment.section(class_of("dataset")).own:
             table = own.expanduser() / manifest.FILE
+            if data is not None:
+                raise checks.InputError(f"--data is of ShapeNet, but dataset.own is {own}; leave one out")
             if not table.is_file():
                 raise checks.InputError(f"{table}: is not there, as `ddf shapes add` writes it")
             graph.write(root, f"{storage.checksum(table)}\n")
@@ -127,7 +129,7 @@ def schedule(
                         sorter.done(item)
                     else:
                         failed.append(item)
-        except KeyboardInterrupt:
+        except BaseException:
             stop()  # before the threads are waited for
             raise
     return failed + [item for item in order if item not in succeeded and item not in failed]
@@ -168,8 +170,9 @@ class _Work:
         assert process.stdout is not None
         with process.stdout as said:
             self._console.relay(said.fileno())
+        code = process.wait()
         self._running.remove(process)
-        return process.wait() == 0
+        return code == 0
 
     def stop(self) -> None:
         """End what runs; nothing starts after it."""
@@ -207,7 +210,7 @@ class Console:
             for line in lines:
                 self._write(line)
             if b"\r" in rest:
-                rest = b"\r" + rest.rsplit(b"\r", 1)[1]
+                rest = b"\r" + rest.rstrip(b"\r").rsplit(b"\r", 1)[-1]
                 if time.monotonic() - shown >= (DRAW_SECONDS if self._terminal else LOG_SECONDS):
                     self._write(rest, stays=not self._terminal)
                     shown = time.monotonic()

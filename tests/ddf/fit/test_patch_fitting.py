@@ -158,7 +158,7 @@ def test_rays_are_added_to_those_of_a_field(tmp_path, capsys):
     assert not ddf.load(first).seen(below, -below).any()
     for out in (field, field, first):  # into a folder, once more, and into its own
         assert cli.main(["fit", str(parts[1]), out, "--onto", first]) == 0
-    assert "made before" in capsys.readouterr().out
+    assert "made before" in capsys.readouterr().out and ddf.load(field).up == "z"
     assert json.loads((tmp_path / "first/fit.json").read_text())["rays"] == ["../above.npz", "../below.npz"]
     whole = ddf.fit(rays=[scans.read(parts[0]), str(parts[1])], out=both)
     ddf.fit(rays=(str(parts[0]),), out=tmp_path / "python")
@@ -171,14 +171,30 @@ def test_rays_are_added_to_those_of_a_field(tmp_path, capsys):
     mesh = tmp_path / "ball.ply"
     mesh.write_bytes(mesh_io.ply_bytes(icosphere(2)))
     assert cli.main(["fit", str(mesh), str(tmp_path / "ball")]) == 0
+    (tmp_path / "list").mkdir()
+    (tmp_path / "list/fit.json").write_text("[]")
     for source, onto, told in (
         (parts[1], first, "is gone"),
         (parts[1], tmp_path / "ball", "was not fitted to rays"),
         (mesh, first, "is a mesh"),
+        (parts[1], tmp_path / "list", "was not fitted to rays"),
         (parts[1], tmp_path / "nothing", "nothing"),
     ):
         assert cli.main(["fit", str(source), str(tmp_path / "no"), "--onto", str(onto)]) == 2
         assert told in capsys.readouterr().err and not (tmp_path / "no").exists()
+
+
+def test_a_fit_to_frames_that_do_not_stand_as_told_is_doubtful(tmp_path, capsys):
+    scan = sphere_scan(12, 0.02, 0.1)
+    for name, sign, code in (("right", 1, 0), ("wrong", -1, 1)):
+        (tmp_path / name).mkdir()
+        for i, eye in enumerate(np.unique(scan.positions, axis=0)):
+            own = scan.some((scan.positions == eye).all(axis=1))
+            scans.write(scans.Scan(own.positions, sign * own.directions, own.ranges), tmp_path / name / f"{i}.npz")
+        assert cli.main(["fit", str(tmp_path / name), str(tmp_path / f"field of {name}")]) == code
+        assert ("DOUBTFUL: 12 frames agree on 0%" in capsys.readouterr().out) == bool(code)
+        remarks = json.loads((tmp_path / f"field of {name}/fit.json").read_text())["remarks"]
+        assert len(remarks) == code
 
 
 def test_the_network_takes_rays_whose_sensors_are_known(of_rays, tmp_path, capsys):

@@ -152,6 +152,7 @@ BAR = b"\rx:   0%|" + b"\rx:  50%|" * 3 + b"\rx: 100%|\n"
     [
         (b"first\n" + BAR + b"last", "first\nx: 100%|\nlast\n"),
         (b"first\n\rx:   0%|\rx:  50%|", "first\nx:  50%|\n"),  # a bar that never ended
+        (b"x:  50%|\rx: 100%|\r", "x: 100%|\n"),  # returns that follow what they end
         (b"a\xffb\n", "a�b\n"),
     ],
 )

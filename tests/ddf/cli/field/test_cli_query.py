@@ -66,6 +66,10 @@ def test_surface_is_a_mesh_with_its_scores(tmp_path, answer):
     result, mesh = answer(*words, "--truth", tmp_path / "truth.ply"), mesh_io.load(tmp_path / "m.ply")
     assert result["faces"] == len(mesh.faces) > 2000 and result["vertices"] == len(mesh.vertices)
     assert result["chamfer_l1"] < 0.03 and result["normal_consistency"] > 0.85
+    other = showcase.rabbit().vertices * 1.02  # the truth itself has no floor of sampling
+    (tmp_path / "other.ply").write_bytes(mesh_io.ply_bytes(mesh_io.Mesh(other, showcase.rabbit().faces)))
+    farther = answer(*words, "--truth", tmp_path / "other.ply")["chamfer_l1"]
+    assert result["chamfer_l1"] < 0.004 and 2 * result["chamfer_l1"] < farther < 0.02
     assert np.abs(mesh.vertices).max() < 1.6
 
 

@@ -28,3 +28,10 @@ def test_get_says_what_it_fetches_and_the_second_needs_no_folder(tmp_path, monke
     assert json.loads(told.out)["packages"][0]["path"] == packages.kept(package).as_posix()
     given.unlink()
     assert cli.main(["shapes", "get"]) == 0
+
+
+def test_a_table_is_not_replaced_by_what_it_lists(tmp_path, capsys):
+    (tmp_path / "manifest.csv").write_text("file,category\na.obj,chair\n")
+    assert cli.main(["shapes", "add", str(tmp_path / "manifest.csv"), "--out", str(tmp_path)]) == 2
+    assert "manifest.csv is read and would be replaced by the output" in capsys.readouterr().err
+    assert [each.name for each in tmp_path.iterdir()] == ["manifest.csv"]

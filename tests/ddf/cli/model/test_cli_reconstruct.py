@@ -151,5 +151,18 @@ def test_the_model_is_not_replaced_by_what_it_makes(command, model_dir, capsys):
     before = (model_dir / model_files.MODEL).read_bytes()
     (model_dir / "given.png").write_bytes(b"")
     assert frame.main([command, str(model_dir / "given.png"), str(model_dir), str(model_dir)]) == 2
-    assert "the model is read from there" in capsys.readouterr().err
+    assert "is read and would be replaced by the output" in capsys.readouterr().err
     assert (model_dir / model_files.MODEL).read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "complete"])
+def test_neither_a_fit_nor_the_picture_is_replaced(command, tmp_path, capsys):
+    (tmp_path / "picture.png").write_bytes(b"")
+    words = [command, str(tmp_path / "picture.png"), "chair", str(tmp_path)]
+    assert frame.main(words) == 2
+    assert "picture.png is read and would be replaced" in capsys.readouterr().err
+    (tmp_path / "fit").mkdir()
+    (tmp_path / "fit" / "fit.json").write_text("{}")
+    assert frame.main([*words[:-1], str(tmp_path / "fit")]) == 2
+    assert "holds the field of a fit; give another folder" in capsys.readouterr().err
+    assert [each.name for each in (tmp_path / "fit").iterdir()] == ["fit.json"]
