@@ -5,6 +5,9 @@ Scans are of one view of each public shape: a depth image of 64 x 64 pixels, noi
 shape's diagonal, or with a tenth of outliers, and 496 rays of a lidar of 16 beams. The pose is known, but for `pose
 off`, where it is off by 30 degrees about a random axis, by 10 % of the size, and by 5 % of it in place.
 
+ICP takes 10 steps, trimmed. Of 10 validation shapes of each category, 60 steps gave F 36.2 for 36.2 (chairs) and 97.6
+for 96.9 (planes); all hits no more.
+
 `sdf`: as `depth`, by a descent of as many steps, on 200 hits and 200 points before hits, on the latent of signed
 distances (`latent_distances`), trained on the shapes of `--run` unless its folder holds them trained; in two settings,
 each the better one of a category.
