@@ -385,7 +385,7 @@ def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]
         if path.suffix.lower() in _TAKEN:
             pictures.append(path)
         elif file.is_file() and storage.load_metadata(file).get("kind") in _MODELS:
-            yield from (_reconstructed(picture, file.parent) for picture in pictures or [file.parent / _SAMPLE])
+            yield from _reconstructed(pictures or [file.parent / _SAMPLE], file.parent)
             pictures = []
         else:
             shipped_models.require(path, "field", "reconstruction")
@@ -395,16 +395,18 @@ def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]
         raise errors.InputError(f"{pictures[0]}: a picture stands before the model that makes a field of it")
 
 
-def _reconstructed(picture: Path, model: Path) -> "tuple[str, viewer_page.Shape, str]":
-    """The patches that a model makes of a picture."""
+def _reconstructed(pictures: Sequence[Path], model: Path) -> "Iterator[tuple[str, viewer_page.Shape, str]]":
+    """The patches that a model makes of pictures."""
     from ddf.api import reconstruction
 
-    if not picture.is_file():
+    if not all(picture.is_file() for picture in pictures):
         raise errors.InputError(f"{model}: has no {_SAMPLE}; give a picture before it: ddf view IMAGE.png {model}")
-    found = reconstruction.reconstruct(picture, model)
-    about = f"What the model {found.kind} makes of {picture.name}: {found.verdict}."
-    name = found.kind if picture.parent == model else picture.stem
-    return name, cast("viewer_page.Shape", found.field.framed), about
+    of = reconstruction.reconstructor(model)
+    for picture in pictures:
+        found = of([picture], 2, 0, None, "auto")
+        about = f"What the model {found.kind} makes of {picture.name}: {found.verdict}."
+        name = found.kind if picture.parent == model else picture.stem
+        yield name, cast("viewer_page.Shape", found.field.framed), about
 
 
 def _scene_page(file: Path, up: arguments.Up | None) -> "viewer_page.Page":
