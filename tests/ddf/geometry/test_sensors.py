@@ -24,7 +24,7 @@ def test_facing_looks_at_the_middle_of_a_box_whose_corners_are_all_in_view(axes,
     middle = pose.inverse().apply((lower + upper) / 2)
     assert middle[ahead] == pytest.approx(np.linalg.norm(middle)) and corners[:, ahead].min() > 0
     angles = np.degrees(np.arccos(corners[:, ahead] / np.linalg.norm(corners, axis=1)))
-    assert angles.max() < 25
+    assert 20 < angles.max() < 25  # no farther than needed
     up = pose.rotation.T @ [0, 1, 0]
     assert (up[1] < 0) if ahead == 2 else (up[2] > 0)  # Y down of a camera, Z up of a lidar
 
