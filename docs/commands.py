@@ -9,9 +9,9 @@ INTRODUCTION = """# Commands
 
 - `ddf COMMAND --help` tells the arguments of a command, with examples.
 - A result is a short table and a line that sums it up, or one JSON object by `--json`. What is not known is – or null.
-- Bad input: one line on standard error, exit code 2; 1: doubtful.
+- Exit code 2: bad input, told in one line on standard error. 1: done, but doubtful: a network's fit that the clock cut
+  short, or a fit to rays whose poses do not agree (over half of the held-out rays are wrong).
 - The folder of an output file must exist, or add `--make-folders`. An OUT_DIR is made.
-- A name that `ddf models` lists stands wherever a command takes a FIELD or a MODEL of its kind.
 - Completion in bash and zsh: `eval "$(register-python-argcomplete ddf)"`.
 """
 

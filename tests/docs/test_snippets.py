@@ -28,7 +28,7 @@ NOT_RUN = {
     r"ddf complete |whole_chair": "needs a scan; tests/ddf/cli/model/test_cli_complete.py runs it",
     r"ddf points ": "half a minute of a core; tests/cli runs it",
     r"ddf run ": "an experiment; tests/stages runs stages on tiny data",
-    r"ddf fit |my_field|my_network": "two minutes; tests/ddf/api/test_install.py runs it",
+    r"ddf fit |my_field|my_network|surface\.ply": "two minutes; tests/ddf/api/test_install.py runs it",
     r"pip install ": "tests/ddf/api/test_install.py does in fresh environments",
     r"ddf shapes add ": "needs meshes; tests/ddf/data/public/test_adding.py runs it",
     r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",

@@ -21,7 +21,7 @@ _EXPLAINED, _LIKELY = 0.5, 0.3  # under which a scan is warned of; chosen on val
 class Completion:
     """The whole of an object, in the frame and the unit of its scan.
 
-    points: (n, 3), on its surface. seen: (n), whether the scan saw that part; the rest is inferred. spread: (n),
+    points: (n, 3), on its surface. seen: (n), whether a hit of the scan is near; the rest is inferred. spread: (n),
     standard deviation of where the surface is. pose: (4, 4), from the frame of the model, where the shape fills the
     cube [-1, 1]³ with Y up, to that of the scan. residuals: of each ray of the scan, its range less that of the field,
     NaN where one of both met nothing. explained: share of the hits that the field is near to. likeness: the probability

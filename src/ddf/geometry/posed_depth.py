@@ -11,8 +11,8 @@ TUM and Redwood write no intrinsics: those of a JSON file with Open3D's `intrins
 TUM's own by the folder's name, else PrimeSense's. Their pixels have their centres at whole numbers, ours at halves.
 
 A file is a scan of `scans.read`, or a cloud: KITTI .bin (x, y, z and intensity as float32, the sensor at 0), PCD (from
-its VIEWPOINT), PLY, or LAS with the dimensions NormalX, NormalY, NormalZ. A cloud with normals needs no sensor: it is
-seen from just above each point.
+its VIEWPOINT), PLY (from 0), or LAS with the dimensions NormalX, NormalY, NormalZ. A cloud with normals needs no
+sensor: it is seen from just above each point.
 """
 
 import math
