@@ -10,7 +10,7 @@ INTRODUCTION = """# Commands
 - `ddf COMMAND --help` tells the arguments of a command, with examples.
 - A result is a short table and a line that sums it up, or one JSON object by `--json`. What is not known is – or null.
 - Exit code 2: bad input, told in one line on standard error. 1: done, but doubtful: a network's fit that the clock cut
-  short, or a fit to rays whose poses do not agree (over half of the held-out rays are wrong).
+  short, a fit to frames that do not agree, or `ddf doctor` where something is missing.
 - The folder of an output file must exist, or add `--make-folders`. An OUT_DIR is made.
 - Completion in bash and zsh: `eval "$(register-python-argcomplete ddf)"`.
 """
