@@ -75,18 +75,22 @@ def training_section(results: Results) -> Section:
         "Total loss (thick, smoothed) and its terms without their weights. What may be below 0 is drawn higher by 1. "
         "The models minimise different losses: compare within one model only.",
         "falling curves of the total loss and of its terms over the steps, by model and category",
-        figures.loss_curves(results.logs).encode(),
+        figures.loss_curves({model: logs[0] for model, logs in results.logs.items()}).encode(),
     )
     return Section("Training", [curves, budget(results)])
 
 
 def budget(results: Results) -> str:
-    """The wall time that each model trained for, over all categories."""
+    """The wall time that each model trained for, over all categories: of its fastest training, as others may have had
+    company.
+    """
     seconds = {
-        model: sum(float(log["seconds"].iloc[-1]) for log in logs.values()) for model, logs in results.logs.items()
+        model: min(sum(float(log["seconds"].iloc[-1]) for log in own.values()) for own in logs)
+        for model, logs in results.logs.items()
     }
     spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
-    return f"Wall time of the trainings, summed over categories: {spent}."
+    fastest = f", of the fastest of {results.seeds} trainings" if results.seeds > 1 else ""
+    return f"Wall time of the trainings, summed over categories{fastest}: {spent}."
 
 
 def data_section(results: Results) -> Section:

@@ -19,9 +19,10 @@ CLOUDS = {f"{stage.removeprefix('train_')}.safetensors": label for stage, label 
 class Results:
     """Everything that the stages left behind for the report.
 
-    `table` has means over `seeds` trainings, `trainings` the scores per image of each; all else is of seed 0. settings:
-    all sections with their defaults. stage_seconds: of the last runs of each stage, over categories; None where one has
-    no note. seconds: wall time of a test image, by model and part, mean over categories.
+    `table` has means over `seeds` trainings, `trainings` the scores per image of each, `logs` by model the loss of each
+    by category; all else is of seed 0. settings: all sections with their defaults. stage_seconds: of the last runs of
+    each stage, over categories; None where one has no note. seconds: wall time of a test image, by model and part, mean
+    over categories.
     strips: by category, as WebP, from `rendered` images each; `example_strips.drawn` adds these.
     """
 
@@ -30,7 +31,7 @@ class Results:
     table: pd.DataFrame
     trainings: Sequence[pd.DataFrame]
     shapes: pd.DataFrame
-    logs: Mapping[str, Mapping[str, pd.DataFrame]]
+    logs: Mapping[str, Sequence[Mapping[str, pd.DataFrame]]]
     failures: pd.DataFrame
     stage_seconds: Mapping[str, float | None]
     settings: Mapping[str, Any]
@@ -73,7 +74,10 @@ def read_results(run: Run) -> Results:
         trainings=[_stored(run.folder("evaluate", seed=seed) / "per_image.csv") for seed in range(count)],
         shapes=_stored(run.folder("evaluate") / "shapes.csv"),
         logs={
-            label: {name: pd.read_csv(run.folder(model, name) / "log.csv") for name in categories}
+            label: [
+                {name: pd.read_csv(run.folder(model, name, seed) / "log.csv") for name in categories}
+                for seed in range(count)
+            ]
             for model, label in MODELS.items()
         },
         failures=_read_failures(run, categories),

@@ -2,6 +2,8 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pandas as pd
 import pytest
@@ -35,6 +37,13 @@ def test_times_are_summed_over_categories(reported):
     assert all(row in table.rows for row in rows)
     for path in folder.glob("*.json"):
         path.unlink()
+
+
+def test_minutes_of_training_are_of_the_fastest():
+    lasted = [{"chair": 70.0, "car": 60.0}, {"chair": 30.0, "car": 45.0}]
+    logs = [{name: pd.DataFrame({"seconds": [1.0, last]}) for name, last in each.items()} for each in lasted]
+    told = run_sections.budget(cast("stage_results.Results", SimpleNamespace(seeds=2, logs={"DDF": logs})))
+    assert told.endswith("categories, of the fastest of 2 trainings: DDF 75 s.")
 
 
 def test_damaged_and_missing_inputs_are_named(reported, tmp_path, monkeypatch):
